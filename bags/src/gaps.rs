@@ -16,7 +16,7 @@ use crate::split::LIBRARY;
 /// Evidence that messages are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Evidence {
+pub enum LossEvidence {
     /// A later message of the same recording.
     SameRecording,
     /// The first message of the recording that was begun later.
@@ -33,14 +33,14 @@ pub struct Gap {
     /// Number of the last.
     pub last: u32,
     /// The evidence.
-    pub evidence: Evidence,
+    pub evidence: LossEvidence,
 }
 
 impl std::fmt::Display for Gap {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let by = match self.evidence {
-            Evidence::SameRecording => "later numbers are there",
-            Evidence::LaterRecording => "the later recording begins after them",
+            LossEvidence::SameRecording => "later numbers are there",
+            LossEvidence::LaterRecording => "the later recording begins after them",
         };
         let Self {
             topic, first, last, ..
@@ -128,7 +128,7 @@ impl Bag {
                 let numbers: Vec<u32> = life.numbers.keys().copied().collect();
                 for pair in numbers.windows(2) {
                     if pair[1] > pair[0] + 1 {
-                        gap(pair[0] + 1, pair[1] - 1, Evidence::SameRecording);
+                        gap(pair[0] + 1, pair[1] - 1, LossEvidence::SameRecording);
                     }
                 }
             }
@@ -146,7 +146,7 @@ impl Bag {
             if let Some((&first, _)) = fresh
                 && first > begin
             {
-                gap(begin, first - 1, Evidence::LaterRecording);
+                gap(begin, first - 1, LossEvidence::LaterRecording);
             }
         }
         gaps

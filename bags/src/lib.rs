@@ -50,7 +50,7 @@ pub use channel::{Channel, Durability, History, Qos, Reliability};
 pub use damage::{Damage, DamageKind};
 pub use disk::{Disk, DiskFile, SystemDisk};
 pub use error::Error;
-pub use gaps::{Evidence, Gap};
+pub use gaps::{Gap, LossEvidence};
 pub use info::{AttachmentInfo, FileInfo, Info, TopicInfo};
 pub use reader::{Attachment, Bag, Messages, Position, Recorded, Stamped, Typed};
 pub use recorder::{

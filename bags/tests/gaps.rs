@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use bags::{Bag, Channel, Evidence, Overflow, Qos, Recorder, RecorderOptions, recover};
+use bags::{Bag, Channel, LossEvidence, Overflow, Qos, Recorder, RecorderOptions, recover};
 
 /// Records messages of topics by (topic, number, publish time) in that order.
 fn record(folder: &Path, messages: &[(&str, u64, u64)]) {
@@ -150,7 +150,7 @@ fn the_loss_of_a_cut_recording_is_numbered_and_goes_into_the_recovered_one() {
         gaps[0].last,
         gaps[0].evidence,
     );
-    assert_eq!(found, ("/touches", there, 74, Evidence::LaterRecording));
+    assert_eq!(found, ("/touches", there, 74, LossEvidence::LaterRecording));
 
     let recovery = recover(&first, &whole, Some(&second)).unwrap();
     assert_eq!(recovery.gaps, gaps);

@@ -10,7 +10,7 @@ use bags::{
     Bag, Channel, Overflow, Qos, Recorder, RecorderOptions, Sealed, Sealer, SplitAt, verify_seals,
 };
 use probecell_msgs::{Message, builtin_interfaces::Time, std_msgs, to_cdr};
-use trust::{Act, Kind, PublicKey, SecretKey};
+use signatures::{Act, Kind, PublicKey, SecretKey};
 
 fn key() -> SecretKey {
     SecretKey::from_seed([1; 32])

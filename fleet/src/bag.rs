@@ -13,7 +13,7 @@ use diagnosis::{Options, Report, diagnose};
 use machine::Chain;
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{MachineState, Message};
-use recorded::Measured;
+use session_io::Measured;
 
 use crate::lake::Rows;
 use crate::lake::rows::{Row, Value};
@@ -108,7 +108,7 @@ pub(crate) fn rows(
     source.machine_type = Chain::from_urdf(&description)
         .map_or_else(|_| String::new(), |chain| chain.name().to_owned());
 
-    let diagnosed = recorded::measured_of(bag, &Measurement::Last, None).and_then(|measured| {
+    let diagnosed = session_io::measured_of(bag, &Measurement::Last, None).and_then(|measured| {
         let report = diagnose(&measured.session, &Options::default());
         Ok((measured, report?))
     });

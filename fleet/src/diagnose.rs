@@ -43,7 +43,7 @@ pub fn diagnose_together(paths: &[String]) -> anyhow::Result<Report> {
 /// A recording in a file or folder, or in an object of S3, which is fetched.
 fn session(path: &str) -> anyhow::Result<Session> {
     let read = |path: &Path| -> anyhow::Result<Session> {
-        Ok(recorded::measured(path, &Measurement::Last, None)?.session)
+        Ok(session_io::measured(path, &Measurement::Last, None)?.session)
     };
     if !is_url(path) {
         return read(Path::new(path));

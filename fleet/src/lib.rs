@@ -23,4 +23,4 @@ pub mod trend;
 pub mod worker;
 pub mod year;
 
-pub use recorded::sentence;
+pub use session_io::sentence;

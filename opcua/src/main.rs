@@ -24,7 +24,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use confinement::{Rights, Sockets, confine};
-use feed::{Cell, Update};
+use telemetry::{Cell, Update};
 use opcua::server::{ServerBuilder, ServerHandle};
 use tracing_subscriber::EnvFilter;
 
@@ -87,7 +87,7 @@ fn begin(input: &mut StdinLock<'_>) -> Result<Option<(Cell, Vec<Update>)>, Strin
 }
 
 fn read(line: &str) -> Result<Update, String> {
-    feed::read(line).map_err(|error| format!("a line of standard input is not an update: {error}"))
+    telemetry::read(line).map_err(|error| format!("a line of standard input is not an update: {error}"))
 }
 
 fn run(arguments: &Arguments) -> Result<(), String> {

@@ -7,7 +7,7 @@
 //!              /Gap                                      of the last diagnosis
 //! ```
 
-use feed::Cell;
+use telemetry::Cell;
 use opcua::nodes::EventNotifier;
 use opcua::types::{
     DataTypeId, DataValue, LocalizedText, NodeId, ObjectTypeId, QualifiedName, StatusCode,

@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
 
-use feed::{Characteristic, Gap, Measured, State, Update};
+use telemetry::{Characteristic, Gap, Measured, State, Update};
 use opcua::nodes::{BaseEventType, Event};
 use opcua::server::SubscriptionCache;
 use opcua::types::{

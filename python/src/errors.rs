@@ -20,7 +20,7 @@ create_exception!(
 
 /// The error of the engine as Python raises it.
 pub(crate) fn input(error: impl Into<anyhow::Error>) -> PyErr {
-    InputError::new_err(recorded::sentence(&error.into()))
+    InputError::new_err(session_io::sentence(&error.into()))
 }
 
 /// A sentence of our own.

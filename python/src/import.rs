@@ -327,13 +327,13 @@ impl Machine {
         );
         if let Some(file) = &self.cell {
             let cell = Cell::read(file)?;
-            let (machine, plan) = recorded::import::machine_of_cell(&cell, &mut |_| {})?;
+            let (machine, plan) = session_io::import::machine_of_cell(&cell, &mut |_| {})?;
             settings.machine = Some(machine);
             settings.plan = by_point.then_some(plan);
             return Ok(Some(cell));
         }
         if let Some(path) = &self.plan {
-            let (machine, plan) = recorded::import::machine_of_bag(path)?;
+            let (machine, plan) = session_io::import::machine_of_bag(path)?;
             ensure!(
                 by_point,
                 "plan needs the column `point` that names its points"
@@ -347,7 +347,7 @@ impl Machine {
                 "urdf needs ball_radius: positions of axes say where the centre of the ball is"
             );
             let text = read(file)?;
-            settings.machine = Some(recorded::import::machine_of_urdf(
+            settings.machine = Some(session_io::import::machine_of_urdf(
                 text,
                 self.part,
                 self.stylus,

@@ -37,7 +37,7 @@ pub(crate) fn plan(py: Python<'_>, path: PathBuf) -> PyResult<Plan> {
             return Ok((planned, Vec::new()));
         }
         let bag = bags::Bag::open(&path)?;
-        recorded::order::measuring_order(&bag, None, &|_| true, &mut |_| {})
+        session_io::order::measuring_order(&bag, None, &|_| true, &mut |_| {})
     };
     let (planned, found) = py.detach(made).map_err(input)?;
     damage(py, &found)?;
@@ -150,7 +150,7 @@ impl Plan {
 
     /// Order and plan as `probecell plan --json` prints them, schema `probecell/plan/1`.
     fn json(&self) -> PyResult<String> {
-        let value = recorded::order::json(&self.planned).map_err(input)?;
+        let value = session_io::order::json(&self.planned).map_err(input)?;
         serde_json::to_string_pretty(&value).map_err(input)
     }
 

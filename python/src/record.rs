@@ -22,7 +22,7 @@ pub(crate) struct PartRecord {
 
 impl PartRecord {
     pub(crate) fn read(py: Python<'_>, path: &Path) -> PyResult<Self> {
-        let (session, found) = py.detach(|| recorded::record::read(path)).map_err(input)?;
+        let (session, found) = py.detach(|| session_io::record::read(path)).map_err(input)?;
         damage(py, &found)?;
         Ok(Self {
             path: path.to_owned(),
@@ -34,7 +34,7 @@ impl PartRecord {
         let mut remarks = Vec::new();
         let page = py.detach(|| {
             let mut remark = |text: &str| remarks.push(text.to_owned());
-            recorded::record::page(&self.path, &self.session, &mut remark)
+            session_io::record::page(&self.path, &self.session, &mut remark)
         });
         warn(py, &remarks)?;
         page.map_err(input)
@@ -78,7 +78,7 @@ impl PartRecord {
             ("coverage_factor", of(&|one| one.coverage_factor)),
             (
                 "conformity",
-                result(&|one| recorded::sizes::conformity(one).to_owned()),
+                result(&|one| session_io::sizes::conformity(one).to_owned()),
             ),
             (
                 "verdict",
@@ -93,7 +93,7 @@ impl PartRecord {
 
     /// The record as `probecell report --json` prints it, schema `probecell/part-record/1`.
     fn json(&self) -> PyResult<String> {
-        serde_json::to_string_pretty(&recorded::sizes::json(&self.session)).map_err(input)
+        serde_json::to_string_pretty(&session_io::sizes::json(&self.session)).map_err(input)
     }
 
     /// The record as dictionaries and lists.

@@ -13,7 +13,7 @@ use graph::Stamp;
 use machine::{Chain, Nominal};
 use probecell_msgs::{FeatureResult, InspectionPlan, ProbeEvent};
 use pyo3::prelude::*;
-use recorded::Measured;
+use session_io::Measured;
 
 use crate::columns::instants;
 use crate::diagnosed::Diagnosis;
@@ -44,8 +44,8 @@ impl Session {
             let measurement = plan.map_or(Measurement::Last, Measurement::Named);
             let model = model.map(|path| Cell::read(&path)).transpose()?;
             let declared = model.as_ref().map(|cell| cell.model.effects.as_slice());
-            let measured = recorded::measured_of(bag, &measurement, declared)?;
-            let own = recorded::embedded::cell(bag)?.or(model);
+            let measured = session_io::measured_of(bag, &measurement, declared)?;
+            let own = session_io::embedded::cell(bag)?.or(model);
             Ok((measured, own.map(|cell| cell.analysis.clone())))
         };
         let (measured, analysis) = py.detach(read).map_err(input)?;
@@ -156,7 +156,7 @@ impl Session {
             let events = events.filter(|event| event.plan_id == plan.plan_id);
             let stamped = events.map(|event| (Stamp(event.header.stamp.nanos()), event));
             let (_, found) =
-                recorded::evaluation::evaluate(settings.check(chain)?, plan, stamped.collect())?;
+                session_io::evaluation::evaluate(settings.check(chain)?, plan, stamped.collect())?;
             features(plan, &found.into_values().collect::<Vec<_>>())
         };
         py.detach(evaluated).map_err(input)
@@ -181,7 +181,7 @@ impl Session {
     /// Writes the session as a recording into `folder`, which must not exist, so that every command takes it.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
         let session = &self.measured;
-        py.detach(|| recorded::write::write(&folder, "session", session))
+        py.detach(|| session_io::write::write(&folder, "session", session))
             .map_err(|error| input(error.context(format!("cannot write {}", folder.display()))))
     }
 
@@ -301,7 +301,7 @@ fn features(plan: &InspectionPlan, found: &[FeatureResult]) -> anyhow::Result<Ta
         ("upper", limit(1)),
         (
             "conformity",
-            texts(&|one| recorded::sizes::conformity(one).to_owned()),
+            texts(&|one| session_io::sizes::conformity(one).to_owned()),
         ),
         ("touches", count),
         ("text", texts(&|one| one.text.clone())),

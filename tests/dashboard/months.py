@@ -98,7 +98,7 @@ def compare(page, bags):
     changes = rows("changes")
     assert len(changes) == 2, changes
     (before, low), (after, high) = found(COLLISION - 1), found(COLLISION)
-    numbers = [float(one.replace("−", "-")) for one in re.search(r"dx = ([−0-9.]+) ± [0-9.]+ µm → ([−0-9.]+) ±", changes[0]).groups()]
+    numbers = [float(one.replace("−", "-")) for one in re.search(r"dx = ([−0-9.]+)\s±\s[0-9.]+\sµm → ([−0-9.]+)\s±", changes[0]).groups()]
     assert day(COLLISION) in changes[0] and all(abs(a - b) < 0.06 for a, b in zip(numbers, (before, after), strict=True)), (changes[0], before, after)
     planted, spread = OFFSETS[True] - OFFSETS[False], max(low[1] - low[0], high[1] - high[0])
     assert abs(after - before - planted) < spread, (before, after, planted, spread)

@@ -6,7 +6,7 @@ use probecell_msgs::{
     Correction, CorrectionAcknowledgement as Ack, Fault, Message, OperatorKeys, OperatorRequest,
     PartReport, to_cdr,
 };
-use trust::{SecretKey, approval, operators};
+use signatures::{SecretKey, approval, operators};
 
 use crate::{BEGIN, begin, executor, instance, messages};
 

@@ -16,7 +16,7 @@ use probecell_msgs::{
     OperatorRequest, PartReport, from_cdr, to_cdr,
 };
 use serde_json::Value;
-use trust::SecretKey;
+use signatures::SecretKey;
 
 fn asking(more: &str) -> Cell {
     cell("turn_mill.toml", |text| {

@@ -120,7 +120,7 @@ fn each_promise_names_tests_that_exist() {
 #[test]
 fn a_test_that_does_not_exist_is_not_found() {
     assert!(is_function("each_promise_names_tests_that_exist"));
-    assert!(is_path("tests/tests/{tidy,guarantees}.rs") && is_path("crates/trust"));
+    assert!(is_path("tests/tests/{tidy,guarantees}.rs") && is_path("crates/signatures"));
     for name in [
         "no_test_has_this_name_",
         "tests/tests/nothing.rs",

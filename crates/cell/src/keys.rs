@@ -16,7 +16,7 @@ mod files;
 mod operators;
 
 use probecell_msgs::Correction;
-use trust::{KeyError as NotAKey, PublicKey, SecretKey, Signer};
+use signatures::{KeyError as NotAKey, PublicKey, SecretKey, Signer};
 
 use crate::Cell;
 

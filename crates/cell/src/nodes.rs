@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use graph::Instance;
 use machine::Chain;
-use trust::{Signer, Trust};
+use signatures::{Signer, Trust};
 
 use crate::Cell;
 

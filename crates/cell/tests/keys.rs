@@ -3,7 +3,7 @@
 use std::{fs, os::unix::fs::PermissionsExt as _, path::Path};
 
 use cell::{Cell, CellText, keys::KeyFolder};
-use trust::SecretKey;
+use signatures::SecretKey;
 
 /// The turn-mill with its keys in a folder.
 fn cell(keys: &Path) -> Cell {

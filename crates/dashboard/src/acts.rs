@@ -1,7 +1,7 @@
 //! Acts of operators from a page: approve, reject, stop, make a part, touch again, take the proposed touches.
 //!
 //! The key is the operator's, on the operator's device (`assets/acts.js`). The page asks for an [`Offer`]: what exactly is to
-//! be signed ([`trust::Act`]). It shows it, signs it together with what it has shown, and sends the signature. The dashboard has
+//! be signed ([`signatures::Act`]). It shows it, signs it together with what it has shown, and sends the signature. The dashboard has
 //! no operator's key and cannot act by itself: it hands the signed act to the service of the cell that the commands `approve`,
 //! `stop` and `run` call. An answer to a correction is verified by the cell, which records refusals as well; for the
 //! others, which the cell takes without a signature too, the signature is verified here.
@@ -20,9 +20,9 @@ use host::bus::BusConfig;
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{InspectionPoint, OperatorKeys, from_cdr};
 use serde::{Deserialize, Serialize};
+use signatures::approval::{NotApproved, check};
+use signatures::{Act, Kind, PublicKey, operators};
 use tokio::sync::Semaphore;
-use trust::approval::{NotApproved, check};
-use trust::{Act, Kind, PublicKey, operators};
 
 use crate::state::Hall;
 
@@ -38,7 +38,7 @@ const SHOWN: usize = 4096;
 const TOKEN: usize = 16;
 
 /// A cell that takes acts.
-pub struct Desk {
+pub struct ActionEndpoint {
     /// Its name.
     pub cell: String,
     /// Its public key.
@@ -131,7 +131,7 @@ pub(crate) struct Answer {
 
 /// Offers of acts, and the cells that take them.
 pub(crate) struct Acts {
-    desks: BTreeMap<String, (Desk, Mutex<Option<OperatorKeys>>)>,
+    desks: BTreeMap<String, (ActionEndpoint, Mutex<Option<OperatorKeys>>)>,
     offers: Mutex<BTreeMap<String, Offer>>,
     /// Of the pages of this process: no page from elsewhere can read it.
     pub(crate) page_token: String,
@@ -139,7 +139,7 @@ pub(crate) struct Acts {
 }
 
 impl Acts {
-    pub(crate) fn new(desks: Vec<Desk>) -> Result<Self, getrandom::Error> {
+    pub(crate) fn new(desks: Vec<ActionEndpoint>) -> Result<Self, getrandom::Error> {
         let desks = desks.into_iter();
         Ok(Self {
             desks: desks

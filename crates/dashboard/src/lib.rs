@@ -51,7 +51,7 @@ use graph::Stamp;
 use host::bus::BusConfig;
 use tokio::sync::Semaphore;
 
-pub use acts::{Desk, Way};
+pub use acts::{ActionEndpoint, Way};
 pub use keep::{keep, kept_text};
 pub use live::kept;
 pub use server::{MakePage, Pages};
@@ -76,7 +76,7 @@ pub struct Settings {
     /// Pages that the program makes of a recording.
     pub pages: Pages,
     /// Cells that take acts.
-    pub desks: Vec<Desk>,
+    pub desks: Vec<ActionEndpoint>,
     /// Names of this host, besides its addresses and `localhost`.
     pub hosts: Vec<String>,
     /// Origins of pages from elsewhere that may read topics as a viewer.

@@ -12,7 +12,7 @@ mod reduce;
 pub(crate) mod wording;
 
 pub use capability::{Capability, FEWEST, STATEMENT, capability};
-pub use cell::{Attention, CellState, Characteristic, Made, Section, Touch};
+pub use cell::{Attention, CellState, Characteristic, RunChartPoint, Section, Touch};
 pub use events::{Event, EventKind};
 pub use hall::{Hall, kept_topics, read_topics};
 pub(crate) use hall::{is_read, machine_state, split};

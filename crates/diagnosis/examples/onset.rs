@@ -1,11 +1,11 @@
 //! Streams of parts in which an effect begins at an unknown part, and streams in which none does, watched as node `gap` watches
-//! them ([`diagnosis::onset::Watch`]): `onset EACH SEED [--verbose]`.
+//! them ([`diagnosis::onset::ChangeMonitor`]): `onset EACH SEED [--verbose]`.
 #![expect(clippy::print_stdout, reason = "a table for a person")]
 #![expect(clippy::unwrap_used, reason = "a part that cannot be read ends it")]
 
 use std::f64::consts::TAU;
 
-use diagnosis::onset::{Change, Watch};
+use diagnosis::onset::{Change, ChangeMonitor};
 use diagnosis::{Options, Session};
 use metrology::statistics::{chi_squared_quantile, rms};
 use streams::{Numbers, Scatter, part, touches};
@@ -157,7 +157,7 @@ impl Stream {
     }
 
     fn watched(&mut self) -> Watched {
-        let (mut watch, mut early) = (Watch::default(), 0);
+        let (mut watch, mut early) = (ChangeMonitor::default(), 0);
         for number in 0..PARTS {
             let session = self.part(number);
             let found = watch.part(&session, &Options::default(), RATE).unwrap();

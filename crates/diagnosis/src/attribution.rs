@@ -1,4 +1,4 @@
-//! Attribution: the posterior over sets of effects, with and without a discrepancy, of one session.
+//! The model posterior: the posterior over sets of effects, with and without a discrepancy, of one session.
 //!
 //! Shapes (periods, time constants, instants) are scanned against the residuals of the best sets and refined continuously.
 //! Every set is scored alone and with each promising discrepancy; probabilities are over all of these models. Outliers are
@@ -20,12 +20,12 @@ use std::rc::Rc;
 use effects::discrepancy::{depends_on, grid};
 use effects::observation::Observations;
 use inference::candidate::Candidate;
+use inference::cross_validation::TouchBlocks;
 use inference::discrepancy::{Discrepancy, Kind};
-use inference::evidence::Products;
-use inference::held_out::TouchBlocks;
+use inference::evidence::InnerProducts;
 use inference::linear::{SPANNED, orthonormal, whitened};
-use inference::posterior::{Attribution, Model};
-use inference::search::{MOST_EFFECTS, Scored, exchange, extend, prune};
+use inference::posterior::{Model, ModelPosterior};
+use inference::search::{MAX_EFFECTS, ScoredSet, exchange, extend, prune};
 
 use candidate_pool::{CandidatePool, Shapes};
 use with_discrepancy::{UNKNOWN, score_with_discrepancies, search_anew};
@@ -53,14 +53,14 @@ pub(crate) fn attribute_with(
     shapes: &Shapes<'_>,
     y: &[f64],
     active: &[bool],
-    before: Option<&Attribution>,
-) -> Attribution {
+    before: Option<&ModelPosterior>,
+) -> ModelPosterior {
     let white = with_noise(shapes, y, active, 0.0, before);
     let Some(lag1_correlation) = estimate_lag1(shapes.observations, &white) else {
         return white;
     };
     let red = with_noise(shapes, y, active, lag1_correlation, Some(&white));
-    let log_posterior = |attribution: &Attribution| attribution.models[0].log_posterior;
+    let log_posterior = |attribution: &ModelPosterior| attribution.models[0].log_posterior;
     if log_posterior(&red) > log_posterior(&white) {
         red
     } else {
@@ -68,7 +68,7 @@ pub(crate) fn attribute_with(
     }
 }
 
-/// Attribution with noise of a given lag-1 correlation.
+/// The model posterior with noise of a given lag-1 correlation.
 ///
 /// Shapes that were found `before` for almost the same deviations stay; only the residuals of the best sets are scanned anew.
 fn with_noise(
@@ -76,8 +76,8 @@ fn with_noise(
     y: &[f64],
     active: &[bool],
     lag1_correlation: f64,
-    before: Option<&Attribution>,
-) -> Attribution {
+    before: Option<&ModelPosterior>,
+) -> ModelPosterior {
     let mut pool = CandidatePool::new(shapes, y, active, lag1_correlation);
     let mut scanned = vec![Vec::new()];
     match before {
@@ -105,7 +105,7 @@ fn with_noise(
 }
 
 /// Lag-1 correlation of the residuals of successive touches that has the highest evidence; `None` below [`CHANCE`].
-fn estimate_lag1(observations: &Observations, white: &Attribution) -> Option<f64> {
+fn estimate_lag1(observations: &Observations, white: &ModelPosterior) -> Option<f64> {
     let plain = white
         .models
         .iter()
@@ -130,7 +130,7 @@ fn estimate_lag1(observations: &Observations, white: &Attribution) -> Option<f64
     let set: Vec<usize> = (0..blocks.len()).collect();
     let evidence = |lag1_correlation: f64| {
         let touches = observations.touches();
-        Products::with_lag1(&blocks, &white.y, &white.active, touches, lag1_correlation)
+        InnerProducts::with_lag1(&blocks, &white.y, &white.active, touches, lag1_correlation)
             .log_evidence(&set)
     };
     CORRELATIONS
@@ -139,7 +139,7 @@ fn estimate_lag1(observations: &Observations, white: &Attribution) -> Option<f64
 }
 
 /// The best set of each size up to `most`, and the best of all.
-fn best_of_each_size(scored: &[Scored], most: usize) -> Vec<Vec<usize>> {
+fn best_of_each_size(scored: &[ScoredSet], most: usize) -> Vec<Vec<usize>> {
     let mut sets: Vec<Vec<usize>> = scored
         .first()
         .map(|best| best.set.clone())
@@ -156,10 +156,10 @@ fn best_of_each_size(scored: &[Scored], most: usize) -> Vec<Vec<usize>> {
 }
 
 /// More effects than the depth of the search: adds them one by one, shapes scanned anew each round.
-fn extend_best(pool: &mut CandidatePool<'_>, scored: &mut Vec<Scored>) {
+fn extend_best(pool: &mut CandidatePool<'_>, scored: &mut Vec<ScoredSet>) {
     let Some(mut best) = scored
         .first()
-        .filter(|best| best.set.len() >= MOST_EFFECTS)
+        .filter(|best| best.set.len() >= MAX_EFFECTS)
         .cloned()
     else {
         return;
@@ -181,12 +181,12 @@ fn extend_best(pool: &mut CandidatePool<'_>, scored: &mut Vec<Scored>) {
         let mut set = best.set.clone();
         set.remove(index);
         let log_posterior = pool.products.log_evidence(&set) + priors.log_prior_of(&set);
-        scored.push(Scored { set, log_posterior });
+        scored.push(ScoredSet { set, log_posterior });
     }
     scored.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
 }
 
-fn finish(mut pool: CandidatePool<'_>, scored: &[Scored]) -> Attribution {
+fn finish(mut pool: CandidatePool<'_>, scored: &[ScoredSet]) -> ModelPosterior {
     let white = pool.lag1_correlation == 0.0;
     let mut discrepancies = unknown_to(&pool, &pool.shapes.discrepancies(pool.active));
     discrepancies.extend(grid(pool.shapes.observations, pool.active).map(Rc::new));
@@ -235,8 +235,8 @@ fn finish(mut pool: CandidatePool<'_>, scored: &[Scored]) -> Attribution {
 /// searches the library again beside that cause; false where the best model has none, or nothing better is found.
 fn scan_beside_unknown(
     pool: &mut CandidatePool<'_>,
-    scored: &[Scored],
-    attribution: &mut Attribution,
+    scored: &[ScoredSet],
+    attribution: &mut ModelPosterior,
     noise: f64,
 ) -> bool {
     let model = attribution.models[0].clone();
@@ -294,8 +294,8 @@ fn attribution_of(
     pool: &CandidatePool<'_>,
     discrepancies: Vec<Rc<Discrepancy>>,
     models: Vec<Model>,
-) -> Attribution {
-    Attribution {
+) -> ModelPosterior {
+    ModelPosterior {
         candidates: pool.candidates.clone(),
         aliases: pool.aliases.clone(),
         discrepancies,
@@ -320,7 +320,7 @@ fn noisy(model: Model, noise: f64) -> Model {
 /// best models.
 fn add_switching(
     pool: &CandidatePool<'_>,
-    scored: &[Scored],
+    scored: &[ScoredSet],
     mut sets: Vec<Vec<usize>>,
     (discrepancies, models): (&mut Vec<Rc<Discrepancy>>, &mut Vec<Model>),
     noise: f64,
@@ -339,11 +339,11 @@ fn add_switching(
         }
         let first = discrepancies.len();
         // What the states were estimated beside may be in no set that is good without them.
-        let beside = known.iter().rev().map(|set| Scored {
+        let beside = known.iter().rev().map(|set| ScoredSet {
             set: set.clone(),
             log_posterior: pool.products.log_evidence(set),
         });
-        let beside: Vec<Scored> = beside.chain(scored.iter().cloned()).collect();
+        let beside: Vec<ScoredSet> = beside.chain(scored.iter().cloned()).collect();
         let offered = score_with_discrepancies(pool, &beside, &switching, first, models);
         discrepancies.extend(switching);
         models.extend(offered.into_iter().map(|model| noisy(model, noise)));

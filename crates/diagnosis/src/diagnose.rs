@@ -6,13 +6,13 @@
 
 mod explain;
 mod ladder;
-mod naming;
 mod records;
+mod reported;
 mod reporter;
 
-use effects::library::is_arm;
 use effects::observation::Observations;
-use effects::session::{DiagnoseError, Session, check_drives};
+use effects::session::{Session, SessionError, check_drives};
+use effects::variant::is_arm;
 use effects::{Variant, library, observe, vocabulary};
 use experiment::next::ProposalOptions;
 use metrology::statistics::{chi_squared_quantile, rms};
@@ -20,8 +20,8 @@ use metrology::statistics::{chi_squared_quantile, rms};
 use crate::attribution::candidate_pool::Shapes;
 use crate::drives::diagnose_drives_with_residuals;
 use crate::joint::diagnose_together_with_residuals;
+use crate::nonnegativity::ExcludedParameters;
 use crate::options::Options;
-use crate::physical::Impossible;
 use crate::referenced;
 use crate::report::Report;
 use crate::report::residuals::{Residuals, TouchResiduals};
@@ -34,25 +34,25 @@ const REFERENCE_WEIGHTS: (f64, f64) = (0.1, 10.0);
 /// Explains why a session differs from its model: touches where there is a plan, drives elsewhere.
 ///
 /// # Errors
-/// [`DiagnoseError`] names what makes the session unusable.
-pub fn diagnose(session: &Session, options: &Options) -> Result<Report, DiagnoseError> {
+/// [`SessionError`] names what makes the session unusable.
+pub fn diagnose(session: &Session, options: &Options) -> Result<Report, SessionError> {
     diagnose_with_residuals(session, options).map(|(report, _)| report)
 }
 
 /// The same, with the residuals of every touch or sample.
 ///
 /// # Errors
-/// [`DiagnoseError`] names what makes the session unusable.
+/// [`SessionError`] names what makes the session unusable.
 pub fn diagnose_with_residuals(
     session: &Session,
     options: &Options,
-) -> Result<(Report, Residuals), DiagnoseError> {
+) -> Result<(Report, Residuals), SessionError> {
     if session.plan.is_none() && session.events.is_empty() && !session.joint_states.is_empty() {
         if !session.robot_description.is_empty() {
             check_drives(session)?;
         }
         return match diagnose_drives_with_residuals(std::slice::from_ref(session), &[]) {
-            Err(DiagnoseError::TooFew(..)) => Err(DiagnoseError::NoEffort),
+            Err(SessionError::TooFew(..)) => Err(SessionError::NoEffort),
             other => other,
         };
     }
@@ -66,7 +66,7 @@ pub fn diagnose_with_residuals(
         let covered = covered_by_reference(observations);
         report_part(session, observations, variants, (options.next, covered))
     };
-    let mut impossible = Impossible::default();
+    let mut impossible = ExcludedParameters::default();
     let (whole, touches) = loop {
         let variants = impossible.left_out(variants(&observations, options)?);
         let found = report_part(session, &observations, &variants, (options.next, 0.0));
@@ -94,10 +94,10 @@ fn is_tracked(observations: &Observations) -> bool {
 }
 
 /// The variants of the library that are offered.
-fn variants(observations: &Observations, options: &Options) -> Result<Vec<Variant>, DiagnoseError> {
+fn variants(observations: &Observations, options: &Options) -> Result<Vec<Variant>, SessionError> {
     let known = vocabulary::identifiers(&observations.chain);
     if let Some(name) = options.without.iter().find(|name| !known.contains(name)) {
-        return Err(DiagnoseError::UnknownEffect {
+        return Err(SessionError::UnknownEffect {
             name: name.clone(),
             nearest: vocabulary::nearest(name, &known)
                 .unwrap_or_default()

@@ -13,7 +13,7 @@ use cross_validation::{HeldOut, better, interval};
 use effects::drive::{
     Channel, DriveEffect, Signals, difference, library, nominal_inertia, signals,
 };
-use effects::session::{DiagnoseError, Session};
+use effects::session::{Session, SessionError};
 use machine::{Chain, JointKind, Side};
 use metrology::statistics::{coverage_factor, rms};
 use regression::UncertainFit;
@@ -46,7 +46,7 @@ const QUIET: f64 = 1.4;
 /// Most effects named.
 const MOST: usize = 5;
 /// Least number of independent samples of an axis.
-const LEAST_INDEPENDENT: f64 = 4.0;
+const MIN_INDEPENDENT: f64 = 4.0;
 /// Mass of every link of a robot description that states efforts per unit of inertia, kg: such efforts have no SI unit.
 const UNIT_MASS: f64 = 1.0;
 /// Fewest samples of an axis.
@@ -67,16 +67,16 @@ struct Axis {
 /// left-out pieces of time elsewhere.
 ///
 /// # Errors
-/// [`DiagnoseError`] names what makes a session unusable.
+/// [`SessionError`] names what makes a session unusable.
 pub(crate) fn diagnose_drives_with_residuals(
     fit: &[Session],
     withheld: &[Session],
-) -> Result<(Report, Residuals), DiagnoseError> {
-    let first = fit.first().ok_or(DiagnoseError::NoPlan)?;
+) -> Result<(Report, Residuals), SessionError> {
+    let first = fit.first().ok_or(SessionError::NoPlan)?;
     let chain = Chain::from_urdf(&first.robot_description)?;
     for other in fit.iter().chain(withheld) {
         if other.robot_description != first.robot_description {
-            return Err(DiagnoseError::OtherMachine(
+            return Err(SessionError::OtherMachine(
                 first.name.clone(),
                 other.name.clone(),
             ));
@@ -99,7 +99,7 @@ pub(crate) fn diagnose_drives_with_residuals(
         .map(|session| axes(&chain, session, channel))
         .collect();
     if fitted.iter().all(Vec::is_empty) {
-        return Err(DiagnoseError::TooFew(0, FEWEST));
+        return Err(SessionError::TooFew(0, FEWEST));
     }
     let drives = Drives {
         fitted,
@@ -239,7 +239,7 @@ struct Drives {
 
 impl Drives {
     /// The report, and the effects in it.
-    fn report(&self, session: &Session) -> Result<(Report, Chosen), DiagnoseError> {
+    fn report(&self, session: &Session) -> Result<(Report, Chosen), SessionError> {
         let mut chosen: Chosen = Vec::new();
         let mut effects: Vec<Effect> = Vec::new();
         let mut current = self.held_out(&chosen, false)?;
@@ -278,7 +278,7 @@ impl Drives {
     }
 
     /// Effects that could enter: probable enough and constants of the machine, best first.
-    fn steady_trials(&self, chosen: &Chosen) -> Result<Vec<Trial>, DiagnoseError> {
+    fn steady_trials(&self, chosen: &Chosen) -> Result<Vec<Trial>, SessionError> {
         let mut steady = Vec::new();
         for trial in self.trials(chosen, &self.independent(chosen)?)? {
             if trial.gain > REFUTED && self.steady(&with(chosen, trial.choice))? {
@@ -294,10 +294,10 @@ impl Drives {
         chosen: &Chosen,
         trials: &[Trial],
         after: &HeldOut,
-    ) -> Result<Vec<String>, DiagnoseError> {
+    ) -> Result<Vec<String>, SessionError> {
         let mut equivalent = Vec::new();
         for trial in &trials[1..] {
-            let close = || -> Result<bool, DiagnoseError> {
+            let close = || -> Result<bool, SessionError> {
                 let other = self.held_out(&with(chosen, trial.choice), false)?;
                 Ok(other.relative < (1.0 + CLOSE) * after.relative)
             };
@@ -314,7 +314,7 @@ impl Drives {
     }
 
     /// Log evidence that each further effect would add at its best shape (Schwarz 1978), best first.
-    fn trials(&self, chosen: &Chosen, independent: &[f64]) -> Result<Vec<Trial>, DiagnoseError> {
+    fn trials(&self, chosen: &Chosen, independent: &[f64]) -> Result<Vec<Trial>, SessionError> {
         let library = &self.fitted[0][0].effects;
         let before = self.log_likelihood_loss(chosen, independent)?;
         let mut trials: Vec<Trial> = Vec::new();
@@ -347,7 +347,7 @@ impl Drives {
         &self,
         chosen: &Chosen,
         independent: &[f64],
-    ) -> Result<f64, DiagnoseError> {
+    ) -> Result<f64, SessionError> {
         let mut sum = 0.0;
         for (index, samples) in independent.iter().enumerate() {
             let mean_square = self.fit(index, chosen, None)?.mean_square;
@@ -357,7 +357,7 @@ impl Drives {
     }
 
     /// Independent samples of each axis, by the autocorrelation of the residuals of the whole library.
-    fn independent(&self, chosen: &Chosen) -> Result<Vec<f64>, DiagnoseError> {
+    fn independent(&self, chosen: &Chosen) -> Result<Vec<f64>, SessionError> {
         let mut every = chosen.clone();
         for (index, effect) in self.fitted[0][0].effects.iter().enumerate() {
             if effect.shapes.len() <= FEW_SHAPES && chosen.iter().all(|known| known.0 != index) {
@@ -367,7 +367,7 @@ impl Drives {
         (0..self.fitted[0].len())
             .map(|axis| {
                 let fit = self.fit_with_uncertainties(axis, &every, None)?;
-                Ok(fit.independent.max(LEAST_INDEPENDENT))
+                Ok(fit.independent.max(MIN_INDEPENDENT))
             })
             .collect()
     }
@@ -377,7 +377,7 @@ impl Drives {
         &self,
         chosen: &Chosen,
         choice: (usize, usize),
-    ) -> Result<Vec<ParameterEstimate>, DiagnoseError> {
+    ) -> Result<Vec<ParameterEstimate>, SessionError> {
         let mut parameters = Vec::new();
         for index in 0..self.fitted[0].len() {
             let axis = &self.fitted[0][index];
@@ -435,7 +435,7 @@ impl Drives {
         &self,
         chain: &Chain,
         chosen: &Chosen,
-    ) -> Result<Vec<DriveResiduals>, DiagnoseError> {
+    ) -> Result<Vec<DriveResiduals>, SessionError> {
         let mut all: Vec<DriveResiduals> = Vec::new();
         self.held_out_parts(&Vec::new(), true, |axis, bag, before| {
             let known = all
@@ -480,7 +480,7 @@ impl Drives {
         session: &Session,
         chosen: &Chosen,
         effects: Vec<Effect>,
-    ) -> Result<Report, DiagnoseError> {
+    ) -> Result<Report, SessionError> {
         let nothing = self.held_out(&Vec::new(), true)?;
         let last = self.held_out(chosen, true)?;
         let floor = self.floor();

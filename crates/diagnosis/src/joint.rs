@@ -13,21 +13,21 @@ mod selection;
 
 use effects::discrepancy::{discrepancies, within_sessions};
 use effects::library;
-use effects::session::{DiagnoseError, Session};
+use effects::session::{Session, SessionError};
 use inference::discrepancy::{Discrepancy, Kind};
 use inference::gram::{BlockSet, Gram, Solution, active_columns, active_values, combination};
 use metrology::statistics::{MAD_FACTOR, coverage_factor, rms};
 
 use crate::drives::diagnose_drives_with_residuals;
+use crate::nonnegativity::ExcludedParameters;
 use crate::options::Options;
-use crate::physical::Impossible;
 use crate::report::residuals::{self, Residuals, TouchResiduals};
 use crate::report::{
     Effect, Gap, Machine, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
     declared, localisation,
 };
 use blocks::BlockPool;
-use cross_validation::{Judge, Judged, superfluous};
+use cross_validation::{HeldOutEvaluator, HeldOutScores, superfluous};
 use rows::Joined;
 use selection::{Rows, Selection, contains_effect, price};
 
@@ -46,17 +46,17 @@ const HARMONICS: usize = 5;
 /// judging touch or sample.
 ///
 /// # Errors
-/// [`DiagnoseError`] names what makes a session unusable.
+/// [`SessionError`] names what makes a session unusable.
 pub fn diagnose_together_with_residuals(
     fit: &[Session],
     withheld: &[Session],
     options: &Options,
-) -> Result<(Report, Residuals), DiagnoseError> {
+) -> Result<(Report, Residuals), SessionError> {
     let drives = |session: &Session| session.plan.is_none() && session.events.is_empty();
     if fit.iter().chain(withheld).all(drives) {
         return diagnose_drives_with_residuals(fit, withheld);
     }
-    let mut impossible = Impossible::default();
+    let mut impossible = ExcludedParameters::default();
     let sessions: Vec<&Session> = fit.iter().chain(withheld).collect();
     let joined = Joined::new(&sessions)?;
     let variants = library(&joined.observations);
@@ -72,9 +72,9 @@ pub fn diagnose_together_with_residuals(
 fn joint_with_residuals(
     (fit, withheld): (&[Session], &[Session]),
     joined: &Joined,
-    impossible: &Impossible,
+    impossible: &ExcludedParameters,
     options: &Options,
-) -> Result<(Report, TouchResiduals), DiagnoseError> {
+) -> Result<(Report, TouchResiduals), SessionError> {
     let observations = &joined.observations;
     let y: Vec<f64> = (observations.deviations.iter().zip(&observations.rows))
         .zip(&joined.second_order)
@@ -117,15 +117,16 @@ fn joint_with_residuals(
             active[row] = false;
         }
     }
-    let (selection, active) = last.ok_or(DiagnoseError::TooFew(0, 1))?;
+    let (selection, active) = last.ok_or(SessionError::TooFew(0, 1))?;
     let rows = Rows {
         observations,
         free: &free,
         y: &y,
         active: &active,
     };
-    let judge = Judge::new(&rows, joined, fit.len(), false);
-    let withheld_judge = (!withheld.is_empty()).then(|| Judge::new(&rows, joined, fit.len(), true));
+    let judge = HeldOutEvaluator::new(&rows, joined, fit.len(), false);
+    let withheld_judge =
+        (!withheld.is_empty()).then(|| HeldOutEvaluator::new(&rows, joined, fit.len(), true));
     Ok(Reporter {
         fit,
         withheld,
@@ -161,8 +162,8 @@ struct Reporter<'a> {
     rows: &'a Rows<'a>,
     pool: &'a BlockPool,
     /// Decides what is named: never the withheld sessions.
-    judge: &'a Judge<'a>,
-    withheld_judge: Option<&'a Judge<'a>>,
+    judge: &'a HeldOutEvaluator<'a>,
+    withheld_judge: Option<&'a HeldOutEvaluator<'a>>,
 }
 
 impl Reporter<'_> {
@@ -288,7 +289,7 @@ impl Reporter<'_> {
         gram: &Gram,
         set: &BlockSet,
         solution: &Solution,
-        judged: &[Judged],
+        judged: &[HeldOutScores],
         variance: f64,
     ) -> Vec<Effect> {
         let covariance = solution.covariance();

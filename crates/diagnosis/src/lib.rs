@@ -43,15 +43,15 @@ pub mod attribution;
 pub mod diagnose;
 pub mod drives;
 pub mod joint;
+mod nonnegativity;
 pub mod onset;
 mod options;
-mod physical;
 mod referenced;
 pub mod report;
 pub mod time;
 
 pub use diagnose::{diagnose, diagnose_with_residuals};
-pub use effects::{DeclaredEffect, DeclaredError, DiagnoseError, Session};
+pub use effects::{DeclaredEffect, DeclaredError, Session, SessionError};
 pub use joint::diagnose_together_with_residuals;
 pub use options::Options;
 pub use report::numbers::in_display_units;

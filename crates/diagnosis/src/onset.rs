@@ -11,7 +11,7 @@ mod scatter;
 
 use std::collections::VecDeque;
 
-use effects::{DiagnoseError, Observations, Session, Variant, library, observe};
+use effects::{Observations, Session, SessionError, Variant, library, observe};
 use inference::linear::{add_scaled, dot};
 use inference::onset::Stream;
 use inference::robust::{coefficients, residuals};
@@ -37,8 +37,8 @@ const UNOBSERVABLE: f64 = 2e-7;
 /// Touches for each way in which a clamped part can sit otherwise that it takes to tell them.
 const TOUCHES_EACH: usize = 3;
 /// Least spread of how parts sit, over that of a touch.
-const LEAST_CLAMPED: f64 = 0.1;
-/// Values of a nonlinear constant that are tried.
+const MIN_CLAMPED: f64 = 0.1;
+/// Values of a nonlinear parameter that are tried.
 const TRIED: usize = 12;
 
 /// A part that was measured.
@@ -50,13 +50,13 @@ struct Part {
     /// m, in the order of the plan's points; as measured, and without chips.
     measured_deviations: Vec<f64>,
     deviations: Vec<f64>,
-    /// How it sits in its clamping: a factor of each of [`Watch::clampings`]; empty before it enters the stream.
+    /// How it sits in its clamping: a factor of each of [`ChangeMonitor::clampings`]; empty before it enters the stream.
     clamped: Vec<f64>,
 }
 
 /// Parts of one plan, one after the other.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Watch {
+pub struct ChangeMonitor {
     points: Vec<usize>,
     directions: Vec<Vec<f64>>,
     /// How a part that is clamped otherwise reads, over the points.
@@ -92,7 +92,7 @@ pub struct Change {
     pub further: Vec<InspectionPoint>,
 }
 
-impl Watch {
+impl ChangeMonitor {
     /// Number of parts watched.
     pub fn parts(&self) -> u64 {
         self.before + self.seen
@@ -104,13 +104,13 @@ impl Watch {
     /// plan begins another watch.
     ///
     /// # Errors
-    /// [`DiagnoseError`] names what makes the session unusable.
+    /// [`SessionError`] names what makes the session unusable.
     pub fn part(
         &mut self,
         session: &Session,
         options: &Options,
         rate: f64,
-    ) -> Result<Option<Change>, DiagnoseError> {
+    ) -> Result<Option<Change>, SessionError> {
         let plan_id = session
             .plan
             .as_ref()
@@ -317,7 +317,7 @@ impl<'a> Sits<'a> {
         let touch = median(&spreads(&left));
         let of_factor = |(number, column): (usize, &Vec<f64>)| {
             let all: Vec<f64> = factors.iter().map(|factors| factors[number]).collect();
-            robust_deviation(&all, 0.0).max(LEAST_CLAMPED * touch / rms(column))
+            robust_deviation(&all, 0.0).max(MIN_CLAMPED * touch / rms(column))
         };
         let each = self.clampings.iter().enumerate().map(of_factor).collect();
         self.spreads = (touch > 0.0).then_some((touch, each));
@@ -433,7 +433,7 @@ fn columns(
         .collect()
 }
 
-/// Values of its nonlinear constant that are tried; one where it has none.
+/// Values of its nonlinear parameter that are tried; one where it has none.
 fn shapes(variant: &Variant) -> Vec<f64> {
     let Some(shape) = &variant.shape else {
         return vec![0.0];

@@ -28,7 +28,7 @@ const CANCELS: f64 = 3.0;
 pub(crate) const COMPARED: [&str; 2] = ["reading minus reference", "machined surface minus plan"];
 
 /// A session parted in two.
-pub(crate) struct Parted {
+pub(crate) struct ReferenceSplit {
     /// Touches with reading − reference.
     pub(crate) reading: Observations,
     /// Touches with the deviation of the machined surface.
@@ -42,7 +42,7 @@ pub(crate) struct Parted {
 }
 
 /// Parts a session; `None` where the reference knows too few of the touched points.
-pub(crate) fn part(observations: &Observations) -> Option<Parted> {
+pub(crate) fn part(observations: &Observations) -> Option<ReferenceSplit> {
     let touches = observations.touches();
     let known = |point: usize| {
         (touches..observations.rows.len())
@@ -104,7 +104,7 @@ pub(crate) fn part(observations: &Observations) -> Option<Parted> {
         let sum = tools.entry(observations.rows[row].tool).or_default();
         *sum = (sum.0 + r, sum.1 + 1.0);
     }
-    Some(Parted {
+    Some(ReferenceSplit {
         reading,
         part,
         tools: tools
@@ -117,7 +117,7 @@ pub(crate) fn part(observations: &Observations) -> Option<Parted> {
 }
 
 /// True where the joint explanation does not hold: something is left, or the errors cancel in the reading.
-pub(crate) fn is_better(parted: &Parted, joint: &Report) -> bool {
+pub(crate) fn is_better(parted: &ReferenceSplit, joint: &Report) -> bool {
     parted.opposed
         || matches!(
             joint.verdict,
@@ -128,7 +128,7 @@ pub(crate) fn is_better(parted: &Parted, joint: &Report) -> bool {
 /// The report of a parted session and the residuals of both parts. `explain` reports rows with the effects that it is given.
 pub(crate) fn report(
     session: &Session,
-    parted: &Parted,
+    parted: &ReferenceSplit,
     without: &[String],
     explain: impl Fn(&Session, &Observations, &[Variant]) -> (Report, TouchResiduals),
 ) -> (Report, Vec<TouchResiduals>) {
@@ -205,7 +205,7 @@ pub(crate) fn report(
 /// What cutting is judged by, less what the errors of the machine did to it that reading − reference shows, with the names of
 /// those errors; each only where less of it is left so. The reference saw what they did while the part was cut, a reading that
 /// was followed saw the difference from what they did while probing.
-fn less_what_lasts(parted: &Parted, reading: &Report) -> (Observations, Vec<String>) {
+fn less_what_lasts(parted: &ReferenceSplit, reading: &Report) -> (Observations, Vec<String>) {
     let mut part = parted.part.clone();
     let mut lasting = Vec::new();
     let mut uncut = part.clone();
@@ -232,7 +232,7 @@ fn difference(all: &[f64], own: &[f64]) -> Vec<f64> {
     all.iter().zip(own).map(|(all, own)| all - own).collect()
 }
 
-fn remarks(session: &Session, parted: &Parted) -> Vec<String> {
+fn remarks(session: &Session, parted: &ReferenceSplit) -> Vec<String> {
     let instrument = session
         .references
         .first()

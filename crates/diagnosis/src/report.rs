@@ -246,7 +246,7 @@ pub struct Effect {
     pub placebo_rms_after: Option<f64>,
     /// The same for each session of the cross-validation, where there are several.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
-    pub sessions: Vec<OfSession>,
+    pub sessions: Vec<SessionGap>,
 }
 
 /// An effect that could substitute another.
@@ -260,7 +260,7 @@ pub struct Alternative {
 
 /// Reduction of the held-out gap of one session, and of one axis of it for drives.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct OfSession {
+pub struct SessionGap {
     /// Name of the session.
     pub bag: String,
     /// Axis, in a drive session.

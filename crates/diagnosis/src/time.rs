@@ -19,8 +19,8 @@ mod judge;
 mod report;
 mod selection;
 
-use effects::motion::{FEED_DEVIATIONS, Limit, Moves, MovesError, library, moves};
-use effects::session::{DiagnoseError, Session};
+use effects::motion::{FEED_DEVIATIONS, MotionParameter, Moves, MovesError, library, moves};
+use effects::session::{Session, SessionError};
 use effects::vocabulary;
 use machine::{Chain, Motion};
 use probecell_msgs::MeasurementOrder;
@@ -32,7 +32,7 @@ use crate::report::residuals::Residuals;
 /// Rows of a session, and the limits that may be others than declared.
 struct Rows<'a> {
     moves: &'a Moves,
-    limits: Vec<Limit>,
+    limits: Vec<MotionParameter>,
     measured: Vec<f64>,
 }
 
@@ -85,10 +85,10 @@ pub fn diagnose_time(
     options: &Options,
 ) -> Result<(Report, Residuals), MovesError> {
     let moves = moves(session, orders, motion)?;
-    let chain = Chain::from_urdf(&session.robot_description).map_err(DiagnoseError::from)?;
+    let chain = Chain::from_urdf(&session.robot_description).map_err(SessionError::from)?;
     let known = vocabulary::identifiers(&chain);
     if let Some(name) = options.without.iter().find(|name| !known.contains(name)) {
-        return Err(DiagnoseError::UnknownEffect {
+        return Err(SessionError::UnknownEffect {
             name: name.clone(),
             nearest: vocabulary::nearest(name, &known)
                 .unwrap_or_default()

@@ -4,7 +4,7 @@
 mod streams;
 
 use diagnosis::Options;
-use diagnosis::onset::{Change, Watch};
+use diagnosis::onset::{Change, ChangeMonitor};
 use probecell_msgs::InspectionPoint;
 use statrs::distribution::{Binomial, DiscreteCDF};
 use streams::{Begun, Numbers, Scatter, part};
@@ -20,7 +20,7 @@ const SMALLER_BALL: Begun<'_> = &|_, _| 3e-6;
 /// Parts until something is found, or all of them.
 fn watched(seed: u64, onset: u64, parts: u64, begun: Begun<'_>) -> (Option<Change>, u64) {
     let mut random = Numbers(seed.wrapping_mul(0x2545_F491_4F6C_DD1D));
-    let mut watch = Watch::default();
+    let mut watch = ChangeMonitor::default();
     for number in 0..parts {
         let acts = if number >= onset { begun } else { NOTHING };
         let measured = part(number, &mut random, USUAL, acts);

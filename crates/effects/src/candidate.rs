@@ -3,10 +3,10 @@
 use inference::candidate::{Candidate, SecondOrder};
 use nalgebra::{DMatrix, Vector3};
 
-use crate::library::Variant;
 use crate::observation::{Column, Observations};
+use crate::variant::Variant;
 
-/// The block of the variant at `index` of the library at a value of its nonlinear constant; `None` where this session
+/// The block of the variant at `index` of the library at a value of its nonlinear parameter; `None` where this session
 /// cannot see it at all.
 pub fn candidate(
     observations: &Observations,
@@ -18,7 +18,7 @@ pub fn candidate(
     from_columns(observations, variants, (index, shape), &columns, false)
 }
 
-/// The candidate of a variant without a nonlinear constant, and the same with the second order of what cannot be seen to
+/// The candidate of a variant without a nonlinear parameter, and the same with the second order of what cannot be seen to
 /// first order, where there is such a thing.
 pub fn candidates(
     observations: &Observations,

@@ -10,11 +10,11 @@ use machine::Chain;
 use nalgebra::Vector3;
 
 use crate::effect::Constants;
-use crate::finite::FiniteErrors;
-use crate::library::{Form, Variant};
+use crate::finite_displacement::FiniteErrors;
 use crate::observation::{Column, Observations};
 use crate::session::model::{DeclaredEffect, DeclaredError};
-use crate::session::{DiagnoseError, Session};
+use crate::session::{Session, SessionError};
+use crate::variant::{Form, Variant};
 use crate::{registry, vocabulary};
 
 /// No declared effect moves a touch so far, m.
@@ -320,8 +320,8 @@ pub fn predicted(
 /// The rows of a session, with what its declared effects are predicted to add subtracted from the deviations.
 ///
 /// # Errors
-/// [`DiagnoseError`] names what makes the session, or an effect of its declared model, unusable.
-pub fn observe(session: &Session) -> Result<Observations, DiagnoseError> {
+/// [`SessionError`] names what makes the session, or an effect of its declared model, unusable.
+pub fn observe(session: &Session) -> Result<Observations, SessionError> {
     let mut observations = Observations::from_session(session)?;
     let declared: Result<Vec<Acting>, DeclaredError> = (session.declared.iter())
         .map(|effect| effect.acting(&observations.chain))

@@ -25,15 +25,15 @@ use kernels::{
 };
 
 /// Largest rank of a process.
-const MOST_DIRECTIONS: usize = 48;
+const MAX_DIRECTIONS: usize = 48;
 /// The same over the part where many rows are touched: what is rough over a large part has many directions.
-const MOST_OVER_PART: usize = 144;
+const MAX_OVER_PART: usize = 144;
 /// Rows for each direction over the part.
 const ROWS_FOR_EACH: usize = 8;
 /// Rows times the square of the directions over the part at most, which is what they cost, unless these are the usual ones.
 const COST: f64 = 2.7e7;
 /// Largest rank of the rounding on a grid.
-const MOST_CELLS: usize = 128;
+const MAX_CELLS: usize = 128;
 /// Smallest rank of a process: below, it is an effect by another name.
 const FEWEST_DIRECTIONS: usize = 3;
 /// Log prior odds of scatter on one feature against a smooth discrepancy: outliers look alike.
@@ -201,13 +201,13 @@ fn factor(
         *own *= weight * weight;
     }
     let most = match kind {
-        Kind::Grid => MOST_CELLS.min(rows),
+        Kind::Grid => MAX_CELLS.min(rows),
         Kind::Region => {
             let affordable = (COST / rows as f64).sqrt() as usize;
             let many = (rows / ROWS_FOR_EACH).min(affordable);
-            many.clamp(MOST_DIRECTIONS, MOST_OVER_PART).min(rows / 2)
+            many.clamp(MAX_DIRECTIONS, MAX_OVER_PART).min(rows / 2)
         }
-        _ => MOST_DIRECTIONS.min(rows / 2),
+        _ => MAX_DIRECTIONS.min(rows / 2),
     };
     let columns = leading_columns(left, most, |pivot| {
         let mut column = Vec::with_capacity(rows);

@@ -85,7 +85,7 @@ mod specimen {
 
     /// The columns of an effect at its first shape.
     pub(super) fn columns(effect: &dyn crate::effect::Effect, channel: Channel) -> Vec<Vec<f64>> {
-        let (chain, signals) = (crate::specimen::chain(), signals());
+        let (chain, signals) = (crate::test_session::chain(), signals());
         let drive = Drive::new(&chain, &signals, channel);
         let found = effect.drive(&drive, &[]).expect("an effect of the channel");
         let first = found.shapes.into_iter().next().expect("a shape");

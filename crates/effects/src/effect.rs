@@ -8,8 +8,8 @@ use inference::discrepancy::Covariate;
 use machine::{Chain, Joint, JointKind};
 
 use crate::drive::columns::{Drive, DriveEffect};
-use crate::library::{Parameter, Variant};
 use crate::observation::Observations;
+use crate::variant::{Parameter, Variant};
 
 /// Components of a location error, as ISO 230-1 letters them.
 const COMPONENTS: [char; 6] = ['X', 'Y', 'Z', 'A', 'B', 'C'];

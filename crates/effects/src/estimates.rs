@@ -6,7 +6,7 @@ use inference::candidate::Candidate;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use crate::library::{Form, Parameter, Variant, Wave};
+use crate::variant::{Form, Parameter, Variant, Wave};
 
 /// A parameter with a smaller share than this in all observable directions is not reported.
 const UNSEEN: f64 = 1e-6;
@@ -24,10 +24,10 @@ pub struct ParameterEstimate {
     pub ci95: [f64; 2],
 }
 
-/// What a report states of a fitted candidate: its parameters, its nonlinear constant and its fixed constants.
+/// What a report states of a fitted candidate: its parameters, its nonlinear parameter and its fixed constants.
 ///
 /// `coefficients` (m) and their covariance `spread` (m²) are of the block's columns, `shape` is the variance of the
-/// nonlinear constant, `quantile` the half width of an interval over the standard uncertainty.
+/// nonlinear parameter, `quantile` the half width of an interval over the standard uncertainty.
 pub fn estimates(
     variant: &Variant,
     candidate: &Candidate,

@@ -33,15 +33,15 @@
 //!
 //! Metres, radians, seconds, kelvins; vectors in the part frame. Decides nothing: `inference` weighs the candidates.
 
-mod arrival;
+mod approach_direction;
 pub mod candidate;
+pub mod clock_check;
 pub mod declared;
 pub mod discrepancy;
 pub mod drive;
 pub mod effect;
 pub mod estimates;
-pub mod finite;
-pub mod library;
+pub mod finite_displacement;
 pub mod motion;
 pub mod observation;
 pub mod record;
@@ -49,18 +49,18 @@ pub mod registry;
 pub mod sensors;
 pub mod session;
 #[cfg(test)]
-mod specimen;
+mod test_session;
 mod thermal;
-pub mod timing;
 pub mod touch;
+pub mod variant;
 pub mod vocabulary;
 
 pub use candidate::{candidate, candidates, second_order_candidate};
 pub use declared::observe;
 pub use effect::Effect;
 pub use estimates::ParameterEstimate;
-pub use library::{Form, Parameter, Shape, Variant, Wave};
 pub use observation::Observations;
 pub use registry::library;
 pub use session::model::{DeclaredEffect, DeclaredError, DeclaredParameter, Promise};
-pub use session::{DiagnoseError, Session};
+pub use session::{Session, SessionError};
+pub use variant::{Form, Parameter, Shape, Variant, Wave};

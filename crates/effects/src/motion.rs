@@ -3,7 +3,7 @@
 //! A row is the sequence of moves from one touch to the next: back, across and to the next approach at the limits of the axes, then the
 //! probing move at its feed. Measured is the time between the stamps of both touches, promised is what the motion model
 //! ([`machine::motion`]) gives for the same moves. An effect replaces one number of that model, so it is not linear: its
-//! [`Limit`] says which numbers are tried, and what the model makes of one. Seconds, m or rad.
+//! [`MotionParameter`] says which numbers are tried, and what the model makes of one. Seconds, m or rad.
 
 mod acceleration;
 mod axis_limit;
@@ -31,7 +31,7 @@ const FARTHEST: f64 = 10.0;
 /// An effect on the time of moves.
 pub trait MotionEffect: Effect {
     /// The numbers of the motion model that it may replace; none where the moves of the session cannot show it.
-    fn limits(&self, moves: &Moves) -> Vec<Limit>;
+    fn limits(&self, moves: &Moves) -> Vec<MotionParameter>;
 
     /// What to do about it, after `[motion]`: `name` of it has the size `size`, `instead` of a declared one.
     fn sized_remedy(&self, of: &Instance<'_>, name: &str, size: &str, instead: &str) -> String;
@@ -58,7 +58,7 @@ pub enum Scale {
 }
 
 /// A number of the motion model that may be another than declared.
-pub struct Limit {
+pub struct MotionParameter {
     /// Identifier of the effect.
     pub effect: String,
     /// Name of the number in reports.
@@ -79,7 +79,7 @@ pub struct Limit {
 /// Makes a motion model keep a value.
 type Setter = Box<dyn Fn(&mut Motion, f64)>;
 
-impl Limit {
+impl MotionParameter {
     /// Makes a motion model keep this value.
     pub fn set(&self, motion: &mut Motion, value: f64) {
         (self.set)(motion, value.clamp(self.range[0], self.range[1]));
@@ -176,11 +176,11 @@ const fn acts_on() -> ActsOn {
 }
 
 /// Every number of the motion model that these moves may show to be another.
-pub fn library(moves: &Moves) -> Vec<Limit> {
+pub fn library(moves: &Moves) -> Vec<MotionParameter> {
     ALL.iter().flat_map(|effect| effect.limits(moves)).collect()
 }
 
-/// What to do about an effect that has this size, in the words of the trade; `declared` as in [`Limit`].
+/// What to do about an effect that has this size, in the words of the trade; `declared` as in [`MotionParameter`].
 pub fn remedy(effect: &str, name: &str, size: &str, declared: Option<&str>) -> Option<String> {
     let mut named = ALL.iter().copied();
     let (found, of) =
@@ -194,7 +194,7 @@ pub fn remedy(effect: &str, name: &str, size: &str, declared: Option<&str>) -> O
 pub(crate) mod specimen {
     use machine::{Motion, motion::AxisLimits};
 
-    use super::{Interval, Limit, Moves};
+    use super::{Interval, MotionParameter, Moves};
 
     /// Two linear axes; moves of 10 mm to 0.3 m of either, with a stop on the way.
     pub(crate) fn moves() -> Moves {
@@ -239,7 +239,7 @@ pub(crate) mod specimen {
     }
 
     /// How much longer each row takes where a number of a limit is this one.
-    pub(crate) fn longer(limit: &Limit, value: f64) -> Vec<f64> {
+    pub(crate) fn longer(limit: &MotionParameter, value: f64) -> Vec<f64> {
         let moves = moves();
         let mut motion = moves.declared.clone();
         limit.set(&mut motion, value);

@@ -10,10 +10,10 @@ use machine::{Chain, JointKind, Nominal, Sensitivity, Surface, Target};
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
 
-use crate::arrival::last_moves;
+use crate::approach_direction::last_moves;
+use crate::clock_check;
 use crate::sensors::{Response, Series};
-use crate::session::{self, DiagnoseError, Session, seconds};
-use crate::timing;
+use crate::session::{self, Session, SessionError, seconds};
 
 /// Fewest touches that are diagnosed.
 const FEWEST: usize = 6;
@@ -138,13 +138,13 @@ impl Observations {
     /// ([`crate::observe`] does).
     ///
     /// # Errors
-    /// [`DiagnoseError`] names what makes the session unusable.
-    pub fn from_session(session: &Session) -> Result<Self, DiagnoseError> {
+    /// [`SessionError`] names what makes the session unusable.
+    pub fn from_session(session: &Session) -> Result<Self, SessionError> {
         if session.robot_description.is_empty() {
-            return Err(DiagnoseError::NoMachine);
+            return Err(SessionError::NoMachine);
         }
         let chain = Chain::from_urdf(&session.robot_description)?;
-        let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
+        let plan = session.plan.as_ref().ok_or(SessionError::NoPlan)?;
         session::check_touches(session, plan)?;
         let nominal = Nominal::from_plan(plan)?;
         let prescribed = plan
@@ -176,7 +176,7 @@ impl Observations {
             standing: false,
         };
         let (mut touches, mut deviations) = builder.touches(&session.events)?;
-        let grid = timing::resolution(&latched(&chain, &prescribed, &touches));
+        let grid = clock_check::resolution(&latched(&chain, &prescribed, &touches));
         let rounds = |step: f64| rounding(step, &touches, &prescribed) <= CHANCE * rms(&deviations);
         let standing = grid.is_some_and(|step| !rounds(step));
         let grid = grid.filter(|_| !standing);
@@ -186,12 +186,12 @@ impl Observations {
             (touches, deviations) = builder.touches(&session.events)?;
         }
         if touches.len() < FEWEST {
-            return Err(DiagnoseError::TooFew(touches.len(), FEWEST));
+            return Err(SessionError::TooFew(touches.len(), FEWEST));
         }
         let mut sizes: Vec<f64> = deviations.iter().map(|deviation| deviation.abs()).collect();
         sizes.sort_by(f64::total_cmp);
         if sizes[sizes.len() / 2] > 0.05 {
-            return Err(DiagnoseError::Unit {
+            return Err(SessionError::Unit {
                 size: sizes[sizes.len() / 2],
                 suspect: session::larger(session, plan, &chain),
             });
@@ -393,14 +393,14 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    fn touches(&mut self, events: &[ProbeEvent]) -> Result<(Vec<Row>, Vec<f64>), DiagnoseError> {
+    fn touches(&mut self, events: &[ProbeEvent]) -> Result<(Vec<Row>, Vec<f64>), SessionError> {
         let mut by_sequence: BTreeMap<u64, &ProbeEvent> = BTreeMap::new();
         for event in events {
             if let Some(known) = by_sequence.insert(event.sequence, event)
                 && (known.point_index != event.point_index
                     || known.axis_positions != event.axis_positions)
             {
-                return Err(DiagnoseError::Conflicting(event.sequence));
+                return Err(SessionError::Conflicting(event.sequence));
             }
         }
         let mut rows = Vec::with_capacity(by_sequence.len());
@@ -482,8 +482,8 @@ impl Builder<'_> {
         reference: &ReferenceMeasurement,
         rows: &mut Vec<Row>,
         deviations: &mut Vec<f64>,
-    ) -> Result<(), DiagnoseError> {
-        let bad = |what| DiagnoseError::Reference {
+    ) -> Result<(), SessionError> {
+        let bad = |what| SessionError::Reference {
             instrument: reference.instrument.clone(),
             what,
         };

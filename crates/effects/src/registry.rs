@@ -3,11 +3,11 @@
 
 use crate::drive;
 use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Variant;
 use crate::motion;
 use crate::observation::Observations;
 use crate::record;
 use crate::touch;
+use crate::variant::Variant;
 
 /// Every effect that can be reported.
 pub fn all() -> impl Iterator<Item = &'static dyn Effect> {

@@ -55,7 +55,7 @@ impl Session {
 
 /// Why a session cannot be diagnosed.
 #[derive(Debug, thiserror::Error)]
-pub enum DiagnoseError {
+pub enum SessionError {
     /// The machine is not usable.
     #[error(transparent)]
     Chain(#[from] machine::ChainError),

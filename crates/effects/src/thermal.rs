@@ -1,8 +1,8 @@
 //! Thermal growth by what was measured: which sensors drive it, and the response of each row to them.
 
-use crate::library::{Parameter, Shape};
 use crate::observation::{Observations, Row};
 use crate::sensors::{LAGS, Response, SPINDLE_SPEED};
+use crate::variant::{Parameter, Shape};
 
 /// A sensor that varies less than this over the touches drives nothing, in its unit.
 const STEADY: f64 = 0.1;

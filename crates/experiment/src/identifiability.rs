@@ -6,28 +6,28 @@
 //! means: every other linear effect may act as well. Metres, radians, seconds; rms over the plan's touches. Nonlinear
 //! constants are held at trial values, and effects of drives are not looked at.
 
-mod remedies;
-mod sizes;
+mod extensions;
+mod noncentrality;
 
 use nalgebra::DMatrix;
 use serde::Serialize;
 
 use effects::observation::Observations;
 use effects::session::perfect::with_nominal_touches;
-use effects::session::{DiagnoseError, Session};
+use effects::session::{Session, SessionError};
 use effects::{Variant, candidate, library, observe};
 use inference::linear::{add_scaled, dot, orthonormal, projected_out};
 
-pub use remedies::{Remedy, complete};
-pub use sizes::noncentrality;
+pub use extensions::{PlanExtension, complete};
+pub use noncentrality::noncentrality;
 
-use remedies::Remedies;
+use extensions::Remedies;
 
 /// Identifier of this form of answer.
 pub const SCHEMA: &str = "probecell/identifiability/1";
 /// Effects with a larger correlation are confounded (the bound of the diagnosis for its classes).
 const SAME: f64 = 0.97;
-/// Trial values of a nonlinear constant.
+/// Trial values of a nonlinear parameter.
 const TRIALS: usize = 6;
 /// Most effects that together reproduce another.
 const TOGETHER: usize = 4;
@@ -40,7 +40,7 @@ pub const DIAGNOSIS: f64 = 1e-7;
 
 /// What is asked.
 #[derive(Debug, Clone, Copy)]
-pub struct Question {
+pub struct DetectionOptions {
     /// Standard deviation of a touch, m.
     pub noise: f64,
     /// Probability that a clean session shows any effect.
@@ -49,7 +49,7 @@ pub struct Question {
     pub power: f64,
 }
 
-impl Default for Question {
+impl Default for DetectionOptions {
     fn default() -> Self {
         Self {
             noise: 1e-6,
@@ -130,7 +130,7 @@ pub struct Pair {
 #[derive(Debug, Clone, Serialize)]
 pub struct Discrimination {
     /// The remedy.
-    pub remedy: Remedy,
+    pub remedy: PlanExtension,
     /// In words.
     pub advice: &'static str,
     /// Touches it adds.
@@ -155,13 +155,13 @@ pub struct Group {
 /// Analyses the plan of a session; touches, where there are any, only give times, feeds and temperatures.
 ///
 /// # Errors
-/// [`DiagnoseError`] names what makes the plan unusable on its machine.
+/// [`SessionError`] names what makes the plan unusable on its machine.
 pub fn identifiability(
     session: &Session,
-    question: &Question,
-) -> Result<Identifiability, DiagnoseError> {
+    question: &DetectionOptions,
+) -> Result<Identifiability, SessionError> {
     let session = with_nominal_touches(session)?;
-    let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
+    let plan = session.plan.as_ref().ok_or(SessionError::NoPlan)?;
     let observations = observe(&session)?;
     let variants = library(&observations);
     let effects = spans(&observations, &variants);
@@ -255,7 +255,7 @@ struct Test<'a> {
     observations: &'a Observations,
     variants: &'a [Variant],
     spans: &'a [Span],
-    question: &'a Question,
+    question: &'a DetectionOptions,
     risk: f64,
 }
 

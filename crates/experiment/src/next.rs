@@ -17,9 +17,9 @@ use crate::design::hypotheses::{Posterior, Source, UNKNOWN};
 use crate::design::information::{Prediction, SURE, chance, choose};
 use crate::proposal::{Explanation, Named, NextMeasurement, NextPoint};
 use effects::observation::{Observations, Row};
-use effects::session::{DiagnoseError, Session};
+use effects::session::{Session, SessionError};
 use effects::{Variant, observe};
-use inference::posterior::{Attribution, Model};
+use inference::posterior::{Model, ModelPosterior};
 
 /// Classes below this probability are not named among those that the touches discriminate.
 const WORTH_NAMING: f64 = 0.02;
@@ -101,7 +101,7 @@ pub struct Context<'a> {
     /// The library.
     pub variants: &'a [Variant],
     /// Its posterior.
-    pub attribution: &'a Attribution,
+    pub attribution: &'a ModelPosterior,
 }
 
 /// Touches that discriminate the remaining explanations; none where one is certain. `set` holds the candidates of the
@@ -177,12 +177,12 @@ pub fn propose(
 /// As many touches drawn at random from the reachable candidates of a thorough search: the baseline of a proposal.
 ///
 /// # Errors
-/// [`DiagnoseError`] for a session that cannot be used.
+/// [`SessionError`] for a session that cannot be used.
 pub fn random_plan(
     session: &Session,
     touches: usize,
     seed: u64,
-) -> Result<Option<InspectionPlan>, DiagnoseError> {
+) -> Result<Option<InspectionPlan>, SessionError> {
     let observations = observe(session)?;
     let Some(plan) = &session.plan else {
         return Ok(None);

@@ -28,7 +28,7 @@ const SAME: f64 = 1e-7;
 pub struct Candidate {
     /// Index of the family in the caller's library.
     pub variant: usize,
-    /// Value of its nonlinear constant; 0 where it has none.
+    /// Value of its nonlinear parameter; 0 where it has none.
     pub shape: f64,
     /// Orthonormal columns over the weighted rows; of a correlated prior orthogonal ones of at most unit length.
     pub block: Vec<Vec<f64>>,
@@ -48,7 +48,7 @@ pub struct Candidate {
 pub struct Alias {
     /// Index of the family in the caller's library.
     pub variant: usize,
-    /// Value of its nonlinear constant; 0 where it has none.
+    /// Value of its nonlinear parameter; 0 where it has none.
     pub shape: f64,
     /// True where a column of second order belongs to it.
     pub second_order: bool,

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::evidence::Products;
+use crate::evidence::InnerProducts;
 use crate::linear::{dot, whitened};
 
 /// The rows in use and the correlation of their noise.
@@ -67,8 +67,12 @@ impl Columns {
         &self.rows
     }
 
-    /// Products of these columns, and of those of `more` blocks behind them, with one another and with the deviations `y`.
-    pub fn products<'b>(&self, more: impl Iterator<Item = &'b [Vec<f64>]>, y: &[f64]) -> Products {
+    /// Inner products of these columns, and of those of `more` blocks behind them, with one another and with the deviations `y`.
+    pub fn products<'b>(
+        &self,
+        more: impl Iterator<Item = &'b [Vec<f64>]>,
+        y: &[f64],
+    ) -> InnerProducts {
         let base = self.across.nrows();
         let (down, added) = side_by_side(&self.rows, more, base);
         let count = base + down.ncols();
@@ -89,7 +93,7 @@ impl Columns {
         }
         let mut qy: Vec<f64> = (&self.across * &y).data.into();
         qy.extend(down.column_iter().map(|column| column.dot(&y)));
-        Products {
+        InnerProducts {
             rows: y.len() as f64,
             yy: dot(y.as_slice(), y.as_slice()),
             qy,
@@ -102,8 +106,8 @@ impl Columns {
     }
 }
 
-impl Products {
-    /// Products of the blocks over the rows with positive weight in `active`.
+impl InnerProducts {
+    /// Inner products of the blocks over the rows with positive weight in `active`.
     pub fn new(blocks: &[&[Vec<f64>]], y: &[f64], active: &[bool]) -> Self {
         Self::with_lag1(blocks, y, active, 0, 0.0)
     }

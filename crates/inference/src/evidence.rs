@@ -2,7 +2,7 @@
 //!
 //! y ~ N(0, σ²(I + Σ_j v_j Q_j Q_jᵀ)): spike-and-slab selection of grouped columns (George and McCulloch 1993) in which the
 //! prior variance v_j of each block (over σ²) maximises the evidence ([`crate::fixed_point`]) and is paid for by
-//! [`SIZE_PRICE`]; σ² is integrated against 1/σ². Works on inner products only, so its cost does not depend on the number of
+//! [`LOG_OCCAM_FACTOR`]; σ² is integrated against 1/σ². Works on inner products only, so its cost does not depend on the number of
 //! touches. No decision is taken here.
 
 use statrs::function::erf::erfc;
@@ -12,14 +12,14 @@ use crate::fixed_point::{Blocks, RESOLUTION, RidgeSystem, State, Stop, maximise}
 use crate::linear::{add_scaled, cholesky, dot, forward, inverse_diagonal, invert, solve_cholesky};
 
 /// Log price of a block's prior variance: a log-uniform prior over four decades of it, known to about a factor e.
-pub const SIZE_PRICE: f64 = 1.5;
+pub const LOG_OCCAM_FACTOR: f64 = 1.5;
 /// When the iteration for the prior variances of a set ends.
 const STOP: Stop = Stop {
     rounds: 6,
     tolerance: 0.03,
 };
 /// Largest set of columns that is solved.
-pub const MOST_COLUMNS: usize = 96;
+pub const MAX_COLUMNS: usize = 96;
 
 /// Natural logarithm of a sum of exponentials; −∞ for none.
 pub fn log_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
@@ -32,7 +32,7 @@ pub fn log_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
 
 /// Inner products of all candidate columns with one another and with the deviations.
 #[derive(Debug, Clone)]
-pub struct Products {
+pub struct InnerProducts {
     /// Number of active rows.
     pub rows: f64,
     /// yᵀy.
@@ -77,8 +77,8 @@ pub struct Variances {
     pub variance: f64,
 }
 
-impl Products {
-    /// Products over the rows of all parts: the same blocks over disjoint rows; `None` of no parts.
+impl InnerProducts {
+    /// Inner products over the rows of all parts: the same blocks over disjoint rows; `None` of no parts.
     pub fn combined<'p>(mut parts: impl Iterator<Item = &'p Self>) -> Option<Self> {
         let mut sum = parts.next()?.clone();
         for part in parts {
@@ -110,7 +110,7 @@ impl Products {
         self
     }
 
-    /// Products of some candidates only, in the given order.
+    /// Inner products of some candidates only, in the given order.
     pub fn subset(&self, members: &[usize]) -> Self {
         let count = self.qy.len();
         let mut spans = Vec::with_capacity(members.len());
@@ -135,7 +135,7 @@ impl Products {
         }
     }
 
-    /// Products of each column with itself.
+    /// Inner products of each column with itself.
     pub fn squared_norms(&self) -> Vec<f64> {
         let count = self.qy.len();
         (0..count)
@@ -171,7 +171,7 @@ impl Products {
 
     fn solve(&self, set: &[usize], full: bool) -> Option<Fit> {
         let (columns, blocks) = self.blocks(set);
-        if columns.len() > MOST_COLUMNS {
+        if columns.len() > MAX_COLUMNS {
             return None;
         }
         let mut posterior = SmallPosterior::new(self, &columns);
@@ -188,7 +188,7 @@ impl Products {
         let log_evidence = ln_gamma(0.5 * freedom)
             - 0.5 * freedom * (std::f64::consts::PI * residual).ln()
             - 0.5 * (log_priors + posterior.log_determinant)
-            - SIZE_PRICE * set.len() as f64
+            - LOG_OCCAM_FACTOR * set.len() as f64
             - self.offset
             + self.log_share_of_squares(&columns, posterior.mean(), &state);
         Some(Fit {
@@ -280,7 +280,7 @@ impl Products {
         let log_evidence = ln_gamma(0.5 * freedom)
             - 0.5 * freedom * (std::f64::consts::PI * residual).ln()
             - 0.5 * (spread + log_determinant)
-            - SIZE_PRICE * blocks as f64
+            - LOG_OCCAM_FACTOR * blocks as f64
             - self.offset;
         (log_evidence, residual / freedom)
     }
@@ -299,7 +299,7 @@ struct SmallPosterior {
 }
 
 impl SmallPosterior {
-    fn new(products: &Products, columns: &[usize]) -> Self {
+    fn new(products: &InnerProducts, columns: &[usize]) -> Self {
         let (n, count) = (columns.len(), products.qy.len());
         let mut gram = Vec::with_capacity(n * n);
         for &a in columns {
@@ -364,7 +364,7 @@ mod tests {
         let deviations =
             |sign: f64| -> Vec<f64> { (0..16).map(|row| sign * 2e-5 + noise(row)).collect() };
         let evidence = |sign: f64, square: bool| {
-            let products = Products::new(&[&block], &deviations(sign), &[true; 16]);
+            let products = InnerProducts::new(&[&block], &deviations(sign), &[true; 16]);
             let products = if square {
                 products.squared(std::iter::once(0))
             } else {

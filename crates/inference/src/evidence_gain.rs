@@ -6,7 +6,7 @@
 
 use statrs::function::gamma::ln_gamma;
 
-use crate::evidence::{Products, SIZE_PRICE, Variances};
+use crate::evidence::{InnerProducts, LOG_OCCAM_FACTOR, Variances};
 use crate::fixed_point::RESOLUTION;
 use crate::linear::{add_scaled, cholesky, dot, forward, inverse_diagonal, scale, solve_cholesky};
 
@@ -14,11 +14,11 @@ use crate::linear::{add_scaled, cholesky, dot, forward, inverse_diagonal, scale,
 const NEW_RIDGE: f64 = 1e-5;
 
 /// Least share of the residual that does not come from the penalty of the set's coefficients.
-const LEAST_FREE: f64 = 0.1;
+const MIN_FREE: f64 = 0.1;
 
 /// A solved set, ready to be combined with each other candidate.
-pub struct EvidenceGain<'p> {
-    products: &'p Products,
+pub struct EvidenceGainEstimator<'p> {
+    products: &'p InnerProducts,
     /// Number of the set's columns.
     columns: usize,
     /// A row for each of them: the inverse of their Cholesky factor times their products with all columns.
@@ -45,9 +45,9 @@ struct Scratch {
     inverse: Vec<f64>,
 }
 
-impl<'p> EvidenceGain<'p> {
+impl<'p> EvidenceGainEstimator<'p> {
     /// A set at its prior variances; `None` where it cannot be solved.
-    pub fn new(products: &'p Products, set: &[usize], variances: &Variances) -> Option<Self> {
+    pub fn new(products: &'p InnerProducts, set: &[usize], variances: &Variances) -> Option<Self> {
         let count = products.qy.len();
         let mut columns = Vec::with_capacity(2 * set.len());
         let mut sizes = Vec::with_capacity(2 * set.len());
@@ -105,7 +105,7 @@ impl<'p> EvidenceGain<'p> {
             residual: residual.max(RESOLUTION * RESOLUTION),
             spread: sizes.iter().map(|size| size.ln()).sum::<f64>() + log_determinant,
             constant: ln_gamma(0.5 * (products.rows + 1.0))
-                - SIZE_PRICE * (set.len() + 1) as f64
+                - LOG_OCCAM_FACTOR * (set.len() + 1) as f64
                 - products.offset,
             products,
             scratch: Scratch::default(),
@@ -163,7 +163,7 @@ impl<'p> EvidenceGain<'p> {
         // Prior variances are over the noise: they grow as it shrinks, and the penalty of the coefficients shrinks with it.
         let residual = (self.residual - dot(mean, mean)).max(pseudo);
         let free = (residual - self.penalty) / (1.0 - self.penalty / self.residual);
-        let residual = free.max(LEAST_FREE * residual);
+        let residual = free.max(MIN_FREE * residual);
         let grown = self.columns as f64 * (self.residual / residual).ln();
         Some(
             self.constant
@@ -223,10 +223,10 @@ mod tests {
             })
             .collect();
         let views: Vec<&[Vec<f64>]> = blocks.iter().map(Vec::as_slice).collect();
-        let products = Products::new(&views, &y, &[true; 90]);
+        let products = InnerProducts::new(&views, &y, &[true; 90]);
         let set = [4, 11];
         let alone = products.variances(&set);
-        let mut gain = EvidenceGain::new(&products, &set, &alone).expect("solvable");
+        let mut gain = EvidenceGainEstimator::new(&products, &set, &alone).expect("solvable");
         let mut best = (f64::NEG_INFINITY, 0);
         for candidate in (0..blocks.len()).filter(|candidate| !set.contains(candidate)) {
             let mut more = set.to_vec();

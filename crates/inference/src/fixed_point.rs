@@ -11,7 +11,7 @@ use std::ops::Range;
 /// Standard deviation of one pseudo-observation of noise, the resolution of a good controller, m: keeps perfect fits finite.
 pub const RESOLUTION: f64 = 2e-8;
 /// Least prior variance of a block over that of the noise.
-const LEAST_VARIANCE: f64 = 1.0;
+const MIN_VARIANCE: f64 = 1.0;
 
 /// The normal equations of a set of columns, solved for one choice of prior precisions after another.
 pub trait RidgeSystem {
@@ -106,7 +106,7 @@ pub fn maximise(
             let energy: f64 = (span.clone())
                 .map(|i| mean[i] * mean[i] / noise + state.covariance_diagonal[i])
                 .sum();
-            let updated = (energy / span.len() as f64).max(LEAST_VARIANCE);
+            let updated = (energy / span.len() as f64).max(MIN_VARIANCE);
             converged &= change(*variance, updated);
             *variance = updated;
         }

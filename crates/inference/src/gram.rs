@@ -103,7 +103,7 @@ impl Solution {
 }
 
 impl Gram {
-    /// Products of the nuisances, then the blocks' columns, over the rows with a true in `active`.
+    /// Inner products of the nuisances, then the blocks' columns, over the rows with a true in `active`.
     pub fn new<'b>(
         nuisances: &'b [Vec<f64>],
         blocks: impl Iterator<Item = Block<'b>>,
@@ -365,7 +365,7 @@ pub fn combination(columns: &[&Vec<f64>], coefficients: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evidence::{Products, SIZE_PRICE};
+    use crate::evidence::{InnerProducts, LOG_OCCAM_FACTOR};
     use statrs::function::gamma::ln_gamma;
 
     fn column(number: usize) -> Vec<f64> {
@@ -386,7 +386,7 @@ mod tests {
             .collect();
         let active: Vec<bool> = (0..40).map(|row| row % 9 != 4).collect();
         let views: Vec<&[Vec<f64>]> = blocks.iter().map(Vec::as_slice).collect();
-        let small = Products::new(&views, &y, &active);
+        let small = InnerProducts::new(&views, &y, &active);
         let large = Gram::new(&[], views.iter().copied(), &y, &active);
         let variances = small.variances(&[0, 1]).prior_variances;
         let set = BlockSet {
@@ -395,7 +395,7 @@ mod tests {
         };
         let solution = large.solve(&set).expect("positive definite");
         let half = 0.5 * (large.rows() + 1.0);
-        let constant = ln_gamma(half) - half * std::f64::consts::PI.ln() - 2.0 * SIZE_PRICE;
+        let constant = ln_gamma(half) - half * std::f64::consts::PI.ln() - 2.0 * LOG_OCCAM_FACTOR;
         // The other engine takes sizes, over the noise that they leave.
         let noise = solution.variance();
         let sizes: Vec<f64> = variances.iter().map(|variance| variance * noise).collect();

@@ -8,7 +8,7 @@
 //!            |                           evidence_gain  cheap estimate of the evidence with one more candidate
 //!            v
 //!   search over sets of candidates  <--  search       beam search, exchange, backward elimination
-//!            |                           scan, trial  values of a nonlinear constant that deserve a candidate
+//!            |                           scan, trial  values of a nonlinear parameter that deserve a candidate
 //!            v                           discrepancy, whitened  Gaussian processes for what no candidate explains
 //!                                        markov, switching  signals that switch between two states
 //!   posterior over (set, discrepancy)    posterior    probabilities of all models, fits and residuals
@@ -25,7 +25,7 @@
 //! Two candidates of one column each; the deviations contain the second:
 //!
 //! ```
-//! use inference::evidence::Products;
+//! use inference::evidence::InnerProducts;
 //! use inference::search::{EvidenceCache, Priors, default_beam_width, search};
 //!
 //! let level = vec![vec![1.0 / 8.0_f64.sqrt(); 8]];
@@ -33,7 +33,7 @@
 //! let noise = [0.3e-6, -0.5e-6, 0.1e-6, 0.4e-6, -0.2e-6, 0.5e-6, -0.4e-6, -0.2e-6];
 //! let y: Vec<f64> = (0..8).map(|row| 2e-5 * slope[0][row] + noise[row]).collect();
 //!
-//! let products = Products::new(&[&level, &slope], &y, &[true; 8]);
+//! let products = InnerProducts::new(&[&level, &slope], &y, &[true; 8]);
 //! let priors = Priors { effect: vec![0, 1], log_prior: vec![0.0; 2], effects: 2 };
 //! let sets = search(&products, &priors, default_beam_width(), &mut EvidenceCache::new());
 //! assert_eq!(sets[0].set, [1], "the slope, without the level");
@@ -43,13 +43,13 @@
 
 pub mod candidate;
 pub mod columns;
+pub mod cross_validation;
 pub mod discrepancy;
 pub mod evidence;
 pub mod evidence_gain;
 pub mod fixed_point;
-pub mod golden;
+pub mod golden_section;
 pub mod gram;
-pub mod held_out;
 pub mod least_squares;
 pub mod linear;
 pub mod markov;

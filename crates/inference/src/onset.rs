@@ -43,7 +43,7 @@ pub struct Stream {
 
 /// What a stream shows after a part.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Evidence {
+pub struct ChangeStatistic {
     /// Natural logarithm of the Shiryaev–Roberts statistic.
     pub log_statistic: f64,
     /// The direction that carries most of it.
@@ -52,7 +52,7 @@ pub struct Evidence {
     pub onset: u64,
 }
 
-impl Evidence {
+impl ChangeStatistic {
     /// True where at most `rate` streams of 1,000 unchanged parts would show as much in the mean.
     pub fn is_alarm(&self, rate: f64) -> bool {
         self.log_statistic >= (1000.0 / rate).ln()
@@ -88,7 +88,7 @@ impl Stream {
     }
 
     /// The evidence that some direction has changed at some part; `None` before the third part.
-    pub fn evidence(&self) -> Option<Evidence> {
+    pub fn evidence(&self) -> Option<ChangeStatistic> {
         if self.count < 3 {
             return None;
         }
@@ -125,7 +125,7 @@ impl Stream {
         }
         let (_, direction, onset) = largest?;
         let weights = (self.directions.len() * 2 * alternatives.len()) as f64;
-        Some(Evidence {
+        Some(ChangeStatistic {
             log_statistic: log_sum(logs.iter().copied()) - weights.ln(),
             direction,
             onset,

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use crate::candidate::{Alias, Candidate};
 use crate::columns::Rows;
 use crate::discrepancy::{Discrepancy, Kind};
-use crate::evidence::{Fit, Products};
+use crate::evidence::{Fit, InnerProducts};
 use crate::linear::{add_scaled, unwhiten};
 use crate::whitened::Design;
 
@@ -24,7 +24,7 @@ pub struct Model {
 
 /// All models of a session.
 #[derive(Debug)]
-pub struct Attribution {
+pub struct ModelPosterior {
     /// Candidates in use.
     pub candidates: Vec<Candidate>,
     /// Variants of other effects that span the same as each candidate.
@@ -33,8 +33,8 @@ pub struct Attribution {
     pub discrepancies: Vec<Rc<Discrepancy>>,
     /// Models, most probable first.
     pub models: Vec<Model>,
-    /// Products over the active rows.
-    pub products: Products,
+    /// Inner products over the active rows.
+    pub products: InnerProducts,
     /// Weighted deviations of all rows.
     pub y: Vec<f64>,
     /// Rows in use.
@@ -45,7 +45,7 @@ pub struct Attribution {
     pub lag1_correlation: f64,
 }
 
-impl Attribution {
+impl ModelPosterior {
     /// The rows in use and the correlation of their noise.
     pub fn rows(&self) -> Rows {
         Rows {

@@ -17,7 +17,7 @@ const SPANNED: f64 = 1e-10;
 /// A candidate's column: its variant, the bits of its shape, whether it has a second order, its number.
 type Key = (usize, u64, bool, usize);
 
-/// Products of candidates' columns with those of all trials, for each set of rows in use.
+/// Inner products of candidates' columns with those of all trials, for each set of rows in use.
 #[derive(Default)]
 pub struct CrossProducts(RefCell<Vec<RowSet>>);
 
@@ -87,7 +87,7 @@ pub struct ResidualProjection {
     y: Rc<MaskedColumn>,
     /// Gram-Schmidt: for each column the combination of the columns that is the next orthonormal one.
     combinations: Vec<Vec<f64>>,
-    /// Products of the orthonormal columns with the deviations.
+    /// Inner products of the orthonormal columns with the deviations.
     seen: Vec<f64>,
 }
 

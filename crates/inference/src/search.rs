@@ -1,18 +1,18 @@
 //! Search for probable sets of candidates.
 //!
-//! Beam search up to [`MOST_EFFECTS`]; at each level only the sets with the best estimates ([`crate::evidence_gain`]) are
+//! Beam search up to [`MAX_EFFECTS`]; at each level only the sets with the best estimates ([`crate::evidence_gain`]) are
 //! solved. The prior halves with each effect and is uniform over the sets of one size, so that a larger library is paid for.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-use crate::evidence::{Products, Variances};
-use crate::evidence_gain::EvidenceGain;
+use crate::evidence::{InnerProducts, Variances};
+use crate::evidence_gain::EvidenceGainEstimator;
 
 /// Most effects in a set.
-pub const MOST_EFFECTS: usize = 5;
+pub const MAX_EFFECTS: usize = 5;
 /// Most effects in a set that grows one by one.
-const MOST_AT_LENGTH: usize = 32;
+const MAX_AT_LENGTH: usize = 32;
 /// Sets kept at each size.
 const BEAM: usize = 24;
 /// Candidates tried on each kept set.
@@ -32,7 +32,7 @@ const HOPELESS: f64 = 25.0;
 
 /// A set of candidates and its log posterior (not normalised).
 #[derive(Debug, Clone)]
-pub struct Scored {
+pub struct ScoredSet {
     /// Candidates, ascending.
     pub set: Vec<usize>,
     /// Log evidence plus log prior.
@@ -73,24 +73,24 @@ impl Priors {
 /// Evidence of the sets that were solved already.
 pub type EvidenceCache = BTreeMap<Vec<usize>, Variances>;
 
-/// Scored sets, best first; what is `known` of the same products is not computed again.
+/// ScoredSet sets, best first; what is `known` of the same products is not computed again.
 pub fn search(
-    products: &Products,
+    products: &InnerProducts,
     priors: &Priors,
     beam: usize,
     known: &mut EvidenceCache,
-) -> Vec<Scored> {
+) -> Vec<ScoredSet> {
     let mut scored = |set: Vec<usize>| {
         let variances =
             (known.entry(set.clone())).or_insert_with_key(|set| products.variances(set));
         let log_posterior = variances.log_evidence + priors.log_prior_of(&set);
-        (Scored { set, log_posterior }, variances.clone())
+        (ScoredSet { set, log_posterior }, variances.clone())
     };
     let empty = scored(Vec::new());
     let mut best = empty.0.log_posterior;
     let mut all = vec![empty.0.clone()];
     let mut level = vec![empty];
-    for size in 1..=MOST_EFFECTS {
+    for size in 1..=MAX_EFFECTS {
         let (tried, solved, kept) = match size {
             1 => (usize::MAX, usize::MAX, 2 * beam),
             _ => (TRIED, 2 * beam, beam),
@@ -98,7 +98,7 @@ pub fn search(
         let parents = level
             .iter()
             .map(|(parent, variances)| (&*parent.set, variances));
-        let mut next: Vec<(Scored, Variances)> = (children(products, priors, parents, tried))
+        let mut next: Vec<(ScoredSet, Variances)> = (children(products, priors, parents, tried))
             .into_iter()
             .take(solved)
             .map(&mut scored)
@@ -121,7 +121,7 @@ pub fn search(
 
 /// Sets of one candidate more than those of `parents`, best estimate first; at most `tried` of each parent.
 fn children<'p>(
-    products: &Products,
+    products: &InnerProducts,
     priors: &Priors,
     parents: impl Iterator<Item = (&'p [usize], &'p Variances)>,
     tried: usize,
@@ -129,7 +129,7 @@ fn children<'p>(
     let mut estimated: Vec<(f64, Vec<usize>)> = Vec::new();
     let mut ranked: Vec<(f64, usize)> = Vec::new();
     for (set, variances) in parents {
-        let Some(mut gain) = EvidenceGain::new(products, set, variances) else {
+        let Some(mut gain) = EvidenceGainEstimator::new(products, set, variances) else {
             continue;
         };
         let effects: Vec<usize> = set.iter().map(|&member| priors.effect[member]).collect();
@@ -186,12 +186,12 @@ fn better(a: &(f64, usize), b: &(f64, usize)) -> Ordering {
 
 /// The best of some sets, if it is better than `best`.
 fn best_of(
-    products: &Products,
+    products: &InnerProducts,
     priors: &Priors,
     sets: impl Iterator<Item = Vec<usize>>,
-    best: &Scored,
-) -> Option<Scored> {
-    sets.map(|set| Scored {
+    best: &ScoredSet,
+) -> Option<ScoredSet> {
+    sets.map(|set| ScoredSet {
         log_posterior: products.log_evidence(&set) + priors.log_prior_of(&set),
         set,
     })
@@ -200,13 +200,13 @@ fn best_of(
 }
 
 /// Forward selection: adds candidates to a set one by one while the posterior rises; `None` when none does.
-pub fn extend(products: &Products, priors: &Priors, start: &[usize]) -> Option<Scored> {
+pub fn extend(products: &InnerProducts, priors: &Priors, start: &[usize]) -> Option<ScoredSet> {
     let first = products.log_evidence(start) + priors.log_prior_of(start);
-    let mut best = Scored {
+    let mut best = ScoredSet {
         set: start.to_vec(),
         log_posterior: first,
     };
-    while best.set.len() < MOST_AT_LENGTH {
+    while best.set.len() < MAX_AT_LENGTH {
         let variances = products.variances(&best.set);
         let parent = std::iter::once((best.set.as_slice(), &variances));
         let longer = children(products, priors, parent, TRIED_AT_LENGTH);
@@ -219,7 +219,7 @@ pub fn extend(products: &Products, priors: &Priors, start: &[usize]) -> Option<S
 }
 
 /// Backward elimination: removes candidates of a set one by one while the posterior rises.
-pub fn prune(products: &Products, priors: &Priors, mut best: Scored) -> Scored {
+pub fn prune(products: &InnerProducts, priors: &Priors, mut best: ScoredSet) -> ScoredSet {
     while let Some(next) = best_of(products, priors, shorter(&best.set), &best) {
         best = next;
     }
@@ -232,7 +232,7 @@ fn shorter(set: &[usize]) -> impl Iterator<Item = Vec<usize>> {
 }
 
 /// Exchanges candidates of a set one by one while the posterior rises: an early one may have stood for another.
-pub fn exchange(products: &Products, priors: &Priors, mut best: Scored) -> Scored {
+pub fn exchange(products: &InnerProducts, priors: &Priors, mut best: ScoredSet) -> ScoredSet {
     for _ in 0..EXCHANGES {
         let rests: Vec<(Vec<usize>, Variances)> = (shorter(&best.set))
             .map(|rest| {
@@ -254,8 +254,8 @@ pub fn exchange(products: &Products, priors: &Priors, mut best: Scored) -> Score
 }
 
 /// Improves the best sets of a search by exchanging single candidates; best first again.
-pub fn exchange_best(products: &Products, priors: &Priors, scored: &mut Vec<Scored>) {
-    let best: Vec<Scored> = scored.iter().take(EXCHANGED).cloned().collect();
+pub fn exchange_best(products: &InnerProducts, priors: &Priors, scored: &mut Vec<ScoredSet>) {
+    let best: Vec<ScoredSet> = scored.iter().take(EXCHANGED).cloned().collect();
     for start in best {
         let before = start.log_posterior;
         let better = exchange(products, priors, start);
@@ -330,7 +330,7 @@ mod tests {
                 }
             }
             let views: Vec<&[Vec<f64>]> = blocks.iter().map(Vec::as_slice).collect();
-            let products = Products::new(&views, &y, &[true; ROWS]);
+            let products = InnerProducts::new(&views, &y, &[true; ROWS]);
             let priors = Priors {
                 log_prior: effect
                     .iter()

@@ -1,4 +1,4 @@
-//! A trial value of a nonlinear constant: its columns, and how much of some residuals they would explain.
+//! A trial value of a nonlinear parameter: its columns, and how much of some residuals they would explain.
 
 use crate::linear::{add_scaled, dot};
 

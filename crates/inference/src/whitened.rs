@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use crate::candidate::Candidate;
 use crate::columns::{Rows, side_by_side};
 use crate::discrepancy::{Discrepancy, Projected};
-use crate::evidence::Products;
+use crate::evidence::InnerProducts;
 
 /// Columns of some candidates and, as the last, the deviations, over the rows in use.
 pub struct Design(DMatrix<f64>);
@@ -32,8 +32,8 @@ impl Design {
 pub struct Whitened<'a>(Projected<'a>);
 
 impl Whitened<'_> {
-    /// Products whitened for the discrepancy at this variance ratio; `plain` are those without it.
-    pub fn products(&self, variance_ratio: f64, plain: &Products) -> Products {
+    /// Inner products whitened for the discrepancy at this variance ratio; `plain` are those without it.
+    pub fn products(&self, variance_ratio: f64, plain: &InnerProducts) -> InnerProducts {
         let (explained, log_determinant) = self.0.explained_gram(variance_ratio);
         let count = plain.qy.len();
         let mut whitened = plain.clone();

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::{
-    description::{ChainError, MOST_JOINTS},
+    description::{ChainError, MAX_JOINTS},
     motion::Motion,
     urdf::{Link, RawJoint, Robot, Round},
 };
@@ -309,11 +309,11 @@ fn climb(
             return Err(ChainError::Loop(link.to_owned()));
         }
         path.push(index);
-        if path.len() > MOST_JOINTS {
+        if path.len() > MAX_JOINTS {
             return Err(ChainError::TooLarge {
                 what: "joints on the way to one link",
                 given: path.len(),
-                most: MOST_JOINTS,
+                most: MAX_JOINTS,
             });
         }
         link = &robot.joints[index].parent;

@@ -2,13 +2,13 @@
 //! chain of links, can carry; and why a description is not a machine.
 
 /// Most bytes of a robot description.
-pub(crate) const MOST_BYTES: usize = 16 << 20;
+pub(crate) const MAX_BYTES: usize = 16 << 20;
 /// Deepest nesting of its elements; URDF itself needs five.
-pub(crate) const MOST_NESTED: usize = 100;
+pub(crate) const MAX_NESTED: usize = 100;
 /// Most links, and most joints.
-pub(crate) const MOST_LINKS: usize = 2_000;
+pub(crate) const MAX_LINKS: usize = 2_000;
 /// Most joints from the foundation to the part or to the probe; a machine tool has about five.
-pub(crate) const MOST_JOINTS: usize = 50;
+pub(crate) const MAX_JOINTS: usize = 50;
 
 /// Why a robot description is not a machine.
 #[derive(Debug, thiserror::Error)]
@@ -79,19 +79,19 @@ pub enum ChainError {
 
 /// Refuses a text that is too long or nested too deep, before any parser sees it.
 pub(crate) fn check_text(text: &str) -> Result<(), ChainError> {
-    if text.len() > MOST_BYTES {
+    if text.len() > MAX_BYTES {
         return Err(ChainError::TooLarge {
             what: "bytes",
             given: text.len(),
-            most: MOST_BYTES,
+            most: MAX_BYTES,
         });
     }
     let deepest = nesting(text);
-    if deepest > MOST_NESTED {
+    if deepest > MAX_NESTED {
         return Err(ChainError::TooLarge {
             what: "elements nested in one another",
             given: deepest,
-            most: MOST_NESTED,
+            most: MAX_NESTED,
         });
     }
     Ok(())
@@ -100,11 +100,11 @@ pub(crate) fn check_text(text: &str) -> Result<(), ChainError> {
 /// Refuses more links or joints than a chain is followed through.
 pub(crate) fn check_links(links: usize, joints: usize) -> Result<(), ChainError> {
     for (what, given) in [("links", links), ("joints", joints)] {
-        if given > MOST_LINKS {
+        if given > MAX_LINKS {
             return Err(ChainError::TooLarge {
                 what,
                 given,
-                most: MOST_LINKS,
+                most: MAX_LINKS,
             });
         }
     }

@@ -9,7 +9,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 use crate::description::{ChainError, check_links, check_text};
 
 /// Most elements, texts and comments.
-const MOST_NODES: u32 = 1_000_000;
+const MAX_NODES: u32 = 1_000_000;
 
 /// A robot.
 pub(crate) struct Robot {
@@ -102,7 +102,7 @@ impl Robot {
         check_text(text)?;
         let options = ParsingOptions {
             allow_dtd: true,
-            nodes_limit: MOST_NODES,
+            nodes_limit: MAX_NODES,
             ..ParsingOptions::default()
         };
         let document = Document::parse_with_options(text, options);

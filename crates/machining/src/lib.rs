@@ -32,6 +32,6 @@
 //! # Ok::<(), machining::flank::ProfileError>(())
 //! ```
 
-pub mod calibration;
 pub mod flank;
+pub mod location_errors;
 pub mod mismatch;

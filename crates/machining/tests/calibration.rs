@@ -4,7 +4,9 @@
 //! meets the true ball. Nothing of the estimate's linear algebra is used for that.
 
 use machine::{Chain, ChainErrors, LinkError, Target, Volumetric, models::WCBXFZYST};
-use machining::calibration::{Ball, BallCalibration, BallTouch, CalibrationError, Limits, Probe};
+use machining::location_errors::{
+    Ball, BallCalibration, BallTouch, CalibrationError, Limits, Probe,
+};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;

@@ -5,7 +5,7 @@
 //! for a bore, and the X-wear register W of the cutting tool. All comparisons are made in whole nanometres, so a size
 //! exactly on a limit is inside it.
 //!
-//! The table takes the reading as true: a probe error passes through it into the part (see [`crate::probe`]). The
+//! The table takes the reading as true: a probe error passes through it into the part (see [`crate::probe_model`]). The
 //! uncertainty of the reading enters by the guard bands of a decision rule ([`crate::conformance::DecisionRule`]), which
 //! narrow what qualifies and what is rejected; in between a size that no recut can save is indeterminate. Without guard
 //! bands the table is the source's.

@@ -66,9 +66,9 @@ pub mod fit;
 pub mod conformance;
 pub mod decision;
 
-pub mod calibration;
-pub mod cut;
-pub mod probe;
+pub mod cut_model;
+pub mod probe_model;
+pub mod probe_setup;
 pub mod size_gap;
 
 pub mod autocorrelation;

@@ -1,8 +1,8 @@
 //! The turn-mill's recorded tables (`docs/source_systems.md, A.2`) through probe, plant and decision together.
 
-use metrology::cut::Plant;
+use metrology::cut_model::CutModel;
 use metrology::decision::{Action, Case, DecisionLimits, Policy, Side, Verdict, decide};
-use metrology::probe::Probe;
+use metrology::probe_model::Probe;
 use metrology::size_gap::{GapLaw, size_gap};
 
 /// Tables 3 and 4, errors in µm of D1, D2, L1, L2, L3: what the machine read and what the reference found.
@@ -42,7 +42,7 @@ fn probe(table: &Table) -> Probe {
 }
 
 /// Cuts, reads and corrects one feature until the decision ends: last verdict, reading, true size and wear.
-fn run(table: &Table, feature: usize, plant: &Plant) -> (Verdict, f64, f64, f64) {
+fn run(table: &Table, feature: usize, plant: &CutModel) -> (Verdict, f64, f64, f64) {
     let nominal = NOMINAL[feature];
     let (mut wear, mut size) = (0.0, nominal + 0.5e-3);
     let probe = probe(table);
@@ -75,7 +75,7 @@ fn run(table: &Table, feature: usize, plant: &Plant) -> (Verdict, f64, f64, f64)
 fn the_closed_loop_reproduces_both_tables() {
     for table in [&BEFORE, &AFTER] {
         for (feature, nominal) in NOMINAL.iter().enumerate() {
-            let (verdict, reading, size, _) = run(table, feature, &Plant::default());
+            let (verdict, reading, size, _) = run(table, feature, &CutModel::default());
             assert_eq!(verdict, Verdict::Qualified);
             let machine = (reading - nominal) * 1e6;
             let reference = (size - nominal) * 1e6;
@@ -121,7 +121,7 @@ fn the_tables_means_are_those_printed() {
 fn the_overcut_is_seen_by_the_reference_and_not_by_the_machine() {
     let gaps: Vec<(f64, f64)> = (0..5)
         .map(|i| {
-            let (_, reading, size, _) = run(&BEFORE, i, &Plant::default());
+            let (_, reading, size, _) = run(&BEFORE, i, &CutModel::default());
             assert!((reading - NOMINAL[i]).abs() <= 10e-6);
             assert!(size - NOMINAL[i] < -50e-6);
             let case = Case {
@@ -146,14 +146,14 @@ fn the_overcut_is_seen_by_the_reference_and_not_by_the_machine() {
 fn an_uncalibrated_probe_looks_like_a_worn_tool() {
     let mean_wear = |table: &Table| {
         (0..5)
-            .map(|i| run(table, i, &Plant::default()).3)
+            .map(|i| run(table, i, &CutModel::default()).3)
             .sum::<f64>()
             / 5.0
     };
     assert!((mean_wear(&BEFORE) - mean_wear(&AFTER) + 64.8e-6).abs() < 0.1e-6);
-    let blunt = Plant {
+    let blunt = CutModel {
         tool_error: 50e-6,
-        ..Plant::default()
+        ..CutModel::default()
     };
     for feature in 0..5 {
         assert_eq!(run(&BEFORE, feature, &blunt).0, Verdict::ToolWorn);

@@ -8,15 +8,15 @@
 //! shaken, and ends when it has not become shorter for long. Costs are integers, so sums are exact and comparisons need no tolerance;
 //! a free end is a dummy point without costs. Between two kicks a search is a [`Checkpoint`], from which it can be resumed with the result of one run.
 
-mod ascent;
-mod beginning;
+mod alpha_nearness;
 mod bridges;
 mod choice;
+mod construction;
 mod directed;
 mod exchange;
-mod grid;
+mod integer_costs;
 mod lin_kernighan;
-mod near;
+mod neighbours;
 mod ring;
 mod tour;
 
@@ -29,7 +29,7 @@ use crate::options::{Options, Progress};
 use crate::problem::Checked;
 use choice::{Chosen, Plain};
 use directed::Directed;
-use grid::{Grid, Lists};
+use integer_costs::{IntegerCosts, NeighbourLists};
 use tour::Tour;
 
 /// Kicks per point in the first cycle of cooling.
@@ -40,11 +40,11 @@ const LARGE: usize = 3000;
 
 /// A walk ends when it has not become shorter within so many kicks per point, and at least so many kicks.
 const PATIENCE: u64 = 1;
-const LEAST_PATIENCE: u64 = 1000;
+const MIN_PATIENCE: u64 = 1000;
 
 /// Points visited by all further beginnings of a search among clusters, and most beginnings.
 const BEGINNINGS: usize = 50_000;
-const MOST_BEGINNINGS: usize = 50;
+const MAX_BEGINNINGS: usize = 50;
 
 /// By how much of its length one beginning must be shorter than the first, so that it is more than luck in details.
 const CLEARLY: f64 = 0.01;
@@ -130,13 +130,17 @@ pub(crate) fn run(
     let begun = taken
         .as_ref()
         .map(|checkpoint| checkpoint.beginning.clone());
-    let nearest = || beginning::by_nearest(problem);
+    let nearest = || construction::by_nearest(problem);
     if problem.costs.is_symmetric() && problem.is_plain() {
-        let scale = grid::scale(problem.costs);
-        let near = near::select_all(problem.costs, scale);
+        let scale = integer_costs::scale(problem.costs);
+        let near = neighbours::select_all(problem.costs, scale);
         let bridges = bridges::between_clusters(problem.costs, scale, &near);
-        let beginning = begun.unwrap_or_else(|| beginning::by_cheapest(problem, &near));
-        let grid = Grid::new(problem, &beginning, Lists::Promising(&near, &bridges));
+        let beginning = begun.unwrap_or_else(|| construction::by_cheapest(problem, &near));
+        let grid = IntegerCosts::new(
+            problem,
+            &beginning,
+            NeighbourLists::Promising(&near, &bridges),
+        );
         let mut tour = Tour::new(Plain::new(&grid));
         if fresh && !bridges.is_empty() {
             tour = shortest_of_many(problem, &near, &grid, tour, options.seed);
@@ -145,13 +149,13 @@ pub(crate) fn run(
         iterate(tour, &grid, checkpoint, until, options, &mut reporter)
     } else if problem.costs.is_symmetric() && problem.is_free() && problem.poses_of.len() >= RING {
         let beginning = begun.unwrap_or_else(nearest);
-        let grid = Grid::new(problem, &beginning, Lists::Points);
+        let grid = IntegerCosts::new(problem, &beginning, NeighbourLists::Points);
         let mut tour = Tour::new(Chosen::new(&grid));
         let checkpoint = checkpoint(&mut tour, &grid, taken, beginning, options.seed);
         iterate(tour, &grid, checkpoint, until, options, &mut reporter)
     } else {
         let beginning = begun.unwrap_or_else(nearest);
-        let grid = Grid::new(problem, &beginning, Lists::Poses);
+        let grid = IntegerCosts::new(problem, &beginning, NeighbourLists::Poses);
         let mut path = Directed::new(&grid, (0..grid.points() as u32).collect());
         let checkpoint = checkpoint(&mut path, &grid, taken, beginning, options.seed);
         iterate(path, &grid, checkpoint, until, options, &mut reporter)
@@ -161,7 +165,7 @@ pub(crate) fn run(
 /// Resumes the path of a suspended search, or improves the one that a new search begins with.
 fn checkpoint(
     path: &mut impl Kicked,
-    grid: &Grid,
+    grid: &IntegerCosts,
     taken: Option<Checkpoint>,
     beginning: Vec<usize>,
     seed: u64,
@@ -200,16 +204,16 @@ fn checkpoint(
 /// when it is clearly shorter once improved.
 fn shortest_of_many<'a>(
     problem: &Checked,
-    near: &near::Near,
-    grid: &'a Grid,
+    near: &neighbours::Near,
+    grid: &'a IntegerCosts,
     mut tour: Tour<Plain<'a>>,
     seed: u64,
 ) -> Tour<Plain<'a>> {
     let mut rng = Pcg32::seed_from_u64(seed);
     tour.improve_all();
     let clearly = tour.length() - (CLEARLY * tour.length() as f64) as i64;
-    for _ in 0..(BEGINNINGS / near.len()).clamp(1, MOST_BEGINNINGS) {
-        let order = beginning::by_nearly_cheapest(problem, near, &mut rng);
+    for _ in 0..(BEGINNINGS / near.len()).clamp(1, MAX_BEGINNINGS) {
+        let order = construction::by_nearly_cheapest(problem, near, &mut rng);
         let mut other = Tour::along(Plain::new(grid), &grid.path(&order));
         other.improve_all();
         if other.length() < clearly.min(tour.length()) {
@@ -297,7 +301,7 @@ impl<'a> Reporter<'a> {
 /// Kick, improve, keep or bring back.
 fn iterate(
     mut path: impl Kicked,
-    grid: &Grid,
+    grid: &IntegerCosts,
     mut checkpoint: Checkpoint,
     until: u64,
     options: &Options,
@@ -306,7 +310,7 @@ fn iterate(
     let size = grid.points();
     let cooling = path.cooling();
     let every = options.report_every.max(1);
-    let patience = (PATIENCE * size as u64).max(LEAST_PATIENCE);
+    let patience = (PATIENCE * size as u64).max(MIN_PATIENCE);
     // The shortest ring or path, and whether the order does not show it yet.
     let mut best = Vec::new();
     let mut is_new = false;

@@ -9,8 +9,8 @@ use std::{
 
 use diagnosis::Session;
 use probecell_msgs::{PlanProgress, is_unprintable};
-use recorded::Measured;
 use serde::Serialize;
+use session_io::Measured;
 use tracing::Level;
 
 /// A text whose characters that would move a cursor, ring a bell or turn the direction of writing are escaped; a line
@@ -123,7 +123,7 @@ pub(crate) fn damage(found: &[bags::Damage]) -> u8 {
 
 /// An error as one sentence.
 pub(crate) fn error(error: &anyhow::Error) {
-    eprintln!("probecell: {}", printable(&recorded::sentence(error)));
+    eprintln!("probecell: {}", printable(&session_io::sentence(error)));
 }
 
 #[cfg(test)]

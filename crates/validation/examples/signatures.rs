@@ -4,7 +4,7 @@
 //! (`clean`, `known1` to `known3`, `strange`, `mixed`) with its truth. `matrix.npy` holds one row for each touch and
 //! reference value and one column for each parameter of each effect, m per unit; `problem.json` the weighted
 //! deviations, and effect, variant, shape and plausible size of every column, the truth and our own report with its
-//! time. Variants with a nonlinear constant stand at up to [`SHAPES`] of its values.
+//! time. Variants with a nonlinear parameter stand at up to [`SHAPES`] of its values.
 
 use std::io::Write;
 use std::path::Path;
@@ -18,7 +18,7 @@ use validation::blind::{Content, session};
 #[path = "../../diagnosis/examples/common/mod.rs"]
 mod common;
 
-/// Values of a nonlinear constant that are written at most.
+/// Values of a nonlinear parameter that are written at most.
 const SHAPES: usize = 8;
 
 fn main() -> anyhow::Result<()> {

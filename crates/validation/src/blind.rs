@@ -20,7 +20,7 @@ use rand_pcg::Pcg64Mcg;
 pub use causes::Cause;
 
 use effects::session::perfect::with_nominal_touches;
-use effects::session::{DiagnoseError, Session};
+use effects::session::{Session, SessionError};
 use plant::Plant;
 use scene::Scene;
 
@@ -108,8 +108,8 @@ impl Stage {
     /// looked at; a plan that was not measured yet is taken as measured in its order.
     ///
     /// # Errors
-    /// [`DiagnoseError`] for a session that could not be diagnosed either.
-    pub fn of(session: &Session) -> Result<Self, DiagnoseError> {
+    /// [`SessionError`] for a session that could not be diagnosed either.
+    pub fn of(session: &Session) -> Result<Self, SessionError> {
         Ok(Self {
             given: Some(given::scene(&with_nominal_touches(session)?)?),
         })

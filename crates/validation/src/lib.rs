@@ -19,7 +19,7 @@
 //! let (session, truth) = session(3, Content::Known(1));
 //! let report = diagnose(&session, &Options::default())?;
 //! println!("hidden: {:?}\n{report}", truth.effects);
-//! # Ok::<(), diagnosis::DiagnoseError>(())
+//! # Ok::<(), diagnosis::SessionError>(())
 //! ```
 
 pub mod blind;

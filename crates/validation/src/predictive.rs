@@ -104,7 +104,7 @@ pub struct Simulated {
 pub enum PredictiveError {
     /// Not usable.
     #[error(transparent)]
-    Session(#[from] effects::DiagnoseError),
+    Session(#[from] effects::SessionError),
     /// An effect of the model.
     #[error("declared model: {0}")]
     Declared(#[from] effects::DeclaredError),

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use diagnosis::{DiagnoseError, Options, Report, Session, Verdict, diagnose};
+use diagnosis::{Options, Report, Session, SessionError, Verdict, diagnose};
 use validation::blind::card::{Trial, judge};
 use validation::blind::{Content, Outsider, Stage, Truth, session, session_on};
 
@@ -150,7 +150,7 @@ fn unusable_sessions_are_refused_with_the_reason() {
     let refused = |change: &dyn Fn(&mut Session), expected: &str| {
         let mut bad = good.clone();
         change(&mut bad);
-        let error: DiagnoseError = diagnose(&bad, &Options::default()).unwrap_err();
+        let error: SessionError = diagnose(&bad, &Options::default()).unwrap_err();
         assert!(
             error.to_string().contains(expected),
             "got: {error}\nexpected: {expected}"

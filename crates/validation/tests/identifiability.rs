@@ -4,7 +4,7 @@
 
 use diagnosis::{Options, Session, Verdict, diagnose};
 use experiment::identifiability::{
-    Identifiability, Question, Remedy, complete, identifiability, noncentrality,
+    DetectionOptions, Identifiability, PlanExtension, complete, identifiability, noncentrality,
 };
 use experiment::next::{Effort, ProposalOptions};
 use rand::{Rng, SeedableRng};
@@ -21,7 +21,7 @@ fn planned(seed: u64) -> Session {
 }
 
 fn answer(session: &Session) -> Identifiability {
-    identifiability(session, &Question::default()).unwrap()
+    identifiability(session, &DetectionOptions::default()).unwrap()
 }
 
 fn is_confused(answer: &Identifiability, one: &str, other: &str) -> bool {
@@ -43,8 +43,8 @@ fn latency_at_one_feed_is_a_ball_radius_until_a_second_feed_is_added() {
     let pair = (before.pairs.iter())
         .find(|pair| pair.effects == [one.to_owned(), other.to_owned()])
         .unwrap();
-    assert_eq!(pair.remedies[0].remedy, Remedy::AnotherFeed);
-    session.plan = Some(complete(&session, Remedy::AnotherFeed).unwrap());
+    assert_eq!(pair.remedies[0].remedy, PlanExtension::AnotherFeed);
+    session.plan = Some(complete(&session, PlanExtension::AnotherFeed).unwrap());
     assert!(!is_confused(&answer(&session), one, other));
 }
 
@@ -60,7 +60,7 @@ fn a_stylus_that_never_turns_is_a_fixture_shift_until_the_spindle_is_reversed() 
     }
     let (one, other) = ("probe.stylus_offset", "fixture.shift");
     assert!(is_confused(&answer(&session), one, other));
-    session.plan = Some(complete(&session, Remedy::SpindleReversal).unwrap());
+    session.plan = Some(complete(&session, PlanExtension::SpindleReversal).unwrap());
     assert!(!is_confused(&answer(&session), one, other));
 }
 
@@ -75,7 +75,7 @@ fn a_ball_and_a_tool_radius_part_on_an_unmilled_artefact() {
     }
     let (one, other) = ("probe.ball_radius", "process.tool_radius");
     assert!(is_confused(&answer(&session), one, other));
-    session.plan = Some(complete(&session, Remedy::Artefact).unwrap());
+    session.plan = Some(complete(&session, PlanExtension::Artefact).unwrap());
     assert!(!is_confused(&answer(&session), one, other));
 }
 
@@ -104,9 +104,9 @@ fn an_effect_of_the_smallest_size_shows_and_one_of_a_third_of_it_does_not() {
     let seeds = 200_u64..216;
     for seed in seeds.clone() {
         let (clean, truth) = session(seed, Content::Clean);
-        let question = Question {
+        let question = DetectionOptions {
             noise: truth.noise,
-            ..Question::default()
+            ..DetectionOptions::default()
         };
         let answer = identifiability(&clean, &question).unwrap();
         let seen = answer

@@ -87,7 +87,7 @@ pub(super) fn rows(
             rows.push(&EFFECTS, source.row(time, values));
         }
     }
-    // Effects with a nonlinear constant, and those of drives, are told as the report has them.
+    // Effects with a nonlinear parameter, and those of drives, are told as the report has them.
     for named in report
         .effects
         .iter()

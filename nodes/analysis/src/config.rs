@@ -250,11 +250,11 @@ impl RawConfig {
 
 impl RawFit {
     /// Fewer robust deviations than this would leave out touches that only noise has moved.
-    const LEAST_LIMIT: f64 = 3.0;
+    const MIN_LIMIT: f64 = 3.0;
 
     fn check(&self) -> Result<Rules, ConfigError> {
         if let Some(value) = self.outlier_limit
-            && !(value.is_finite() && value >= Self::LEAST_LIMIT)
+            && !(value.is_finite() && value >= Self::MIN_LIMIT)
         {
             return Err(ConfigError::Number {
                 key: format!("fits.{}.outlier_limit", self.feature),

@@ -5,7 +5,7 @@
 
 use graph::Stamp;
 use probecell_msgs::{Correction, OperatorReply, OperatorRequest, PassDecision};
-use trust::Approval;
+use signatures::Approval;
 
 use crate::{
     config::Config,
@@ -129,7 +129,7 @@ fn answered(
         ..proposed.clone()
     };
     let approval = (config.trust.check(state.keys.as_ref(), &answer))
-        .and_then(|approval| trust::approval::is_fresh(now.0, &answer).map(|()| approval));
+        .and_then(|approval| signatures::approval::is_fresh(now.0, &answer).map(|()| approval));
     match approval {
         Ok(approval) => Ok((answer, approval)),
         Err(why) => Err(why.to_string()),

@@ -12,7 +12,7 @@ use metrology::{
 };
 use probecell_msgs::Correction;
 use serde::Deserialize;
-use trust::{Signer, Trust};
+use signatures::{Signer, Trust};
 
 pub use decision_rule::RawDecisionRule;
 pub use work_offset::{RawWorkOffset, WorkOffset, WorkOffsetError};

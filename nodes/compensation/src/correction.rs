@@ -64,7 +64,7 @@ pub(crate) enum Change {
 
 /// The measurement that a correction rests on.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Evidence {
+pub(crate) struct MeasurementSource {
     /// Features.
     pub(crate) feature_ids: Vec<String>,
     /// Probing events.
@@ -81,7 +81,7 @@ pub(crate) struct Proposal {
     /// What is changed.
     pub(crate) change: Change,
     /// Why.
-    pub(crate) evidence: Evidence,
+    pub(crate) evidence: MeasurementSource,
 }
 
 /// Largest magnitude, 0 of nothing.
@@ -100,7 +100,7 @@ impl Proposal {
         plan_id: &str,
         session: &str,
     ) -> Correction {
-        let Evidence {
+        let MeasurementSource {
             feature_ids,
             sequences,
             error,

@@ -5,7 +5,7 @@ use metrology::decision::Verdict;
 use crate::correction::Proposal;
 
 /// Coverage factor of the displacements found (GUM 6.3.3). Their standard uncertainties already hold the few degrees of
-/// freedom that they are estimated with (`machining::calibration`), so that k = 2 covers at least 95 % by Student's t.
+/// freedom that they are estimated with (`machining::location_errors`), so that k = 2 covers at least 95 % by Student's t.
 pub(crate) const COVERAGE: f64 = 2.0;
 
 /// What follows from the touches for the table or the position.

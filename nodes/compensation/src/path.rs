@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     config::{Characteristic, Config, PathCorrection},
-    correction::{Change, Evidence, Proposal, largest},
+    correction::{Change, MeasurementSource, Proposal, largest},
 };
 
 /// Offsets proposed so far.
@@ -107,7 +107,7 @@ impl Paths {
         self.offsets.insert(result.feature_id.clone(), offsets);
         Proposal {
             change,
-            evidence: Evidence {
+            evidence: MeasurementSource {
                 feature_ids: vec![result.feature_id.clone()],
                 sequences: result.sequences.clone(),
                 error: error(result),

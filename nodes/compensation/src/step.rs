@@ -50,7 +50,7 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
             decide_when_complete(config, state, now, out);
         }
         Input::Keys(keys) => {
-            trust::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
+            signatures::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
         }
         Input::Reference(found) => reference::refer(state, now, found, out),
         Input::Feature(result) => take(config, state, now, result, out),

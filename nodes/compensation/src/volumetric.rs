@@ -1,7 +1,7 @@
 //! The controller's volumetric table, judged and corrected by touches of balls.
 //!
 //! ```text
-//!   touches of balls ── machining::calibration ── link errors ── largest displacement of the tip ── verdict
+//!   touches of balls ── machining::location_errors ── link errors ── largest displacement of the tip ── verdict
 //!   table in force ──────────────────────────────── + ─────────── whole new table, each entry within its bound
 //! ```
 //!
@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 
 use graph::Stamp;
 use machine::{LinkError, Nominal};
-use machining::calibration::{Ball, BallCalibration, BallTouch, Estimate, Indexation};
+use machining::location_errors::{Ball, BallCalibration, BallTouch, Estimate, Indexation};
 use metrology::decision::Verdict;
 use nalgebra::{DMatrix, Point3};
 use probecell_msgs::{
@@ -29,7 +29,7 @@ use probecell_msgs::{
 
 use crate::{
     config::Config,
-    correction::{Change, Evidence, Proposal},
+    correction::{Change, MeasurementSource, Proposal},
     judgement::{self, Judgement},
     touches::Touches,
 };
@@ -376,7 +376,7 @@ fn proposal(rules: &Volumetric, found: &Found<'_>) -> Result<Proposal, String> {
             displacement,
             limit: rules.displacement_limit,
         },
-        evidence: Evidence {
+        evidence: MeasurementSource {
             feature_ids: found.balls.feature_ids.clone(),
             sequences: used.map(|(_, sequence)| *sequence).collect(),
             error,

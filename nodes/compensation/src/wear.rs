@@ -13,7 +13,7 @@ use probecell_msgs::{FeatureResult, offset::to_resolution};
 
 use crate::{
     config::{Characteristic, Config},
-    correction::{Change, Evidence, Proposal},
+    correction::{Change, MeasurementSource, Proposal},
     measurement::{Measurement, SizeJudgement},
     state::State,
 };
@@ -79,9 +79,9 @@ fn mean_error(
     config: &Config,
     measurement: &Measurement,
     sizes: &[&SizeJudgement<'_>],
-) -> Evidence {
+) -> MeasurementSource {
     let weight = (sizes.len() as f64).recip();
-    let mut evidence = Evidence::default();
+    let mut evidence = MeasurementSource::default();
     let mut components = Vec::with_capacity(sizes.len());
     for size in sizes {
         let characteristic = size.characteristic;

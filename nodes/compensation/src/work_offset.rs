@@ -18,7 +18,7 @@ use probecell_msgs::{
 
 use crate::{
     config::{Config, WorkOffset},
-    correction::{Change, Evidence, Proposal},
+    correction::{Change, MeasurementSource, Proposal},
     judgement::{self, Judgement},
     touches::Touches,
 };
@@ -210,7 +210,7 @@ fn decide(
                 found.rotation * 1e6
             ));
         }
-        let evidence = Evidence {
+        let evidence = MeasurementSource {
             feature_ids: alignment.feature_ids.clone(),
             sequences: alignment.sequences.clone(),
             error,
@@ -225,7 +225,7 @@ fn proposals(
     rules: &WorkOffset,
     held: &[f64],
     follow: &[f64],
-    evidence: &Evidence,
+    evidence: &MeasurementSource,
 ) -> Result<Vec<Proposal>, String> {
     let mut proposals = Vec::new();
     for ((axis, &held), follow) in rules.axes.iter().zip(held).zip(follow) {

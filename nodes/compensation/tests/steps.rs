@@ -11,7 +11,7 @@ use probecell_msgs::{
     OperationRequest, OperatorKeys, OperatorRequest, PartReport, PassDecision, ToolOffsets,
     Verdict,
 };
-use trust::{SecretKey, Signer, Trust, approval};
+use signatures::{SecretKey, Signer, Trust, approval};
 
 /// One outer diameter of 19.8 mm cut by tool 2, within 10 µm; the table's limits.
 fn raw(automatic_approval: bool, inner: bool) -> RawConfig {
@@ -77,7 +77,7 @@ fn started(config: &Config) -> compensation::State {
         withdrawn: vec![false],
         ..OperatorKeys::default()
     };
-    let keys = Input::Keys(trust::operators::signed(&key(1), keys));
+    let keys = Input::Keys(signatures::operators::signed(&key(1), keys));
     CompensationNode::step(config, &mut state, Stamp(0), keys, &mut Outbox::default());
     state
 }

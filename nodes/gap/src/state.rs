@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use diagnosis::{Session, onset::Watch};
+use diagnosis::{Session, onset::ChangeMonitor};
 use graph::Early;
 use probecell_msgs::{
     InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement, sensor_msgs::JointState,
@@ -33,7 +33,7 @@ pub struct State {
     /// Machine states next to the touches, and those at which temperatures or the spindle's speed change.
     pub states: Window<MachineState>,
     /// The parts so far.
-    pub watch: Watch,
+    pub watch: ChangeMonitor,
     /// A diagnosis is due when the streams have passed this instant, ns since 1970.
     pub due: Option<i64>,
 }

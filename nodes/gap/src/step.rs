@@ -1,6 +1,6 @@
 //! The rules of `gap`.
 
-use diagnosis::{DiagnoseError, Session, onset::Watch};
+use diagnosis::{Session, SessionError, onset::ChangeMonitor};
 use effects::{sensors::same_drivers, session::joined::join};
 use graph::Stamp;
 use probecell_msgs::{InspectionPlan, PlanId, builtin_interfaces::Time};
@@ -42,7 +42,7 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
             let at = nanoseconds(machine.header.stamp);
             state.states.push_turning(at, machine, same_drivers);
         }
-        Input::Corrected(_) => state.watch = Watch::default(),
+        Input::Corrected(_) => state.watch = ChangeMonitor::default(),
         Input::Reference(reference) => {
             let of_plan = state
                 .plan
@@ -116,7 +116,7 @@ fn last_touch(state: &State) -> Option<i64> {
 }
 
 /// The session of the plan, joined with the one that it supplements; `None` without a plan.
-fn session(config: &Config, state: &State) -> Option<Result<Session, DiagnoseError>> {
+fn session(config: &Config, state: &State) -> Option<Result<Session, SessionError>> {
     let session = Session {
         name: LIVE.to_owned(),
         robot_description: state.robot_description.clone(),

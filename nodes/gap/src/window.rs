@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 const KEPT: i64 = 5_000_000_000;
 
 /// Most turning samples that are kept; beyond, every second one goes.
-const MOST_TURNING: usize = 10_000;
+const MAX_TURNING: usize = 10_000;
 
 /// The first sample, those on both sides of each instant, those at which a stream turns, and those of the last five seconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,7 +63,7 @@ impl<T: Clone> Window<T> {
             let before = removed.map_or(i64::MIN, |(stamp, _)| stamp);
             if turns || turned {
                 self.turning.push((stamp, sample.clone()));
-                if self.turning.len() > MOST_TURNING {
+                if self.turning.len() > MAX_TURNING {
                     let mut index = 0;
                     self.turning.retain(|_| {
                         index += 1;

@@ -44,7 +44,7 @@ pub(crate) fn send_to(
 }
 
 /// Gives a sign of life.
-pub(crate) fn beat(state: &mut State, now: Stamp, out: &mut Out) {
+pub(crate) fn publish_heartbeat(state: &mut State, now: Stamp, out: &mut Out) {
     state.beats += 1;
     let session = state.controller.as_ref().map(|known| &known.status.session);
     out.send(Output::Heartbeat(GateHeartbeat {

@@ -2,7 +2,7 @@
 
 use quantity::{Angle, Length};
 use serde::Deserialize;
-use trust::Trust;
+use signatures::Trust;
 
 /// What a signal says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]

@@ -5,10 +5,10 @@ use graph::{FaultCode, Stamp};
 use probecell_msgs::{ControllerCommand, ControllerStatus};
 
 use crate::{
+    active_faults::{clear, raise},
     command,
     config::Config,
     ports::{MachineFault, Out},
-    standing::{clear, raise},
     state::{Former, State},
 };
 

@@ -51,6 +51,7 @@
 //! # Ok::<(), machine_state::ConfigError>(())
 //! ```
 
+mod active_faults;
 mod command;
 mod config;
 mod drivers;
@@ -61,7 +62,6 @@ mod ports;
 mod refusal;
 mod report;
 mod signals;
-mod standing;
 mod state;
 mod status;
 mod step;

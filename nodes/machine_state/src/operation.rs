@@ -7,12 +7,12 @@ use probecell_msgs::{
 };
 
 use crate::{
+    active_faults::{clear, raise},
     command,
     config::Config,
     drivers, part,
     ports::{MachineFault, Out, Output},
     report, signals,
-    standing::{clear, raise},
     state::{Asker, Awaited, Operation, State, Writing},
     stop, writing,
 };

@@ -6,10 +6,10 @@ use graph::Stamp;
 use probecell_msgs::{Correction, CorrectionAcknowledgement as Ack, PartReport, PartStatus};
 
 use crate::{
+    active_faults::{clear, raise},
     config::Config,
     ports::{MachineFault, Out, Output},
     refusal::{Refusal, refuse},
-    standing::{clear, raise},
     state::{Asker, State},
     stop,
 };

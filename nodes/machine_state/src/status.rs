@@ -6,12 +6,12 @@ use probecell_msgs::{
 };
 
 use crate::{
+    active_faults::{clear, raise},
     command,
     config::Config,
     drivers, operation,
     ports::{MachineFault, Out, Output},
     report, signals,
-    standing::{clear, raise},
     state::{Asker, Controller, State},
     stop,
 };
@@ -103,7 +103,7 @@ pub(crate) fn sample(
         if clock > now.after_s(GATE_SILENCE).0.unsigned_abs() {
             state.epoch = state.epoch.max(clock);
             // Before the first command: a driver that learns only later that this is another process ends what it has begun.
-            command::beat(state, now, out);
+            command::publish_heartbeat(state, now, out);
         }
         state.next_command = state.next_command.max(clock);
         take_over(config, state, now, out);

@@ -35,7 +35,7 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
                 out.send(Output::RobotDescription(description));
                 part::publish(state, now, out);
             }
-            command::beat(state, now, out);
+            command::publish_heartbeat(state, now, out);
             status::watch(config, state, now, out);
             part::watch(config, state, now, out);
             if signals::watch(config, state, now, out) {
@@ -89,7 +89,7 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
             }
         }
         Input::Keys(keys) => {
-            trust::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
+            signatures::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
         }
     }
 }

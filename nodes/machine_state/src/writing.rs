@@ -46,7 +46,7 @@ pub(crate) fn correct(
     let answered = state.applied.contains_key(&correction.correction_id)
         || config.replayed
         || correction.replayed;
-    if let (false, Err(why)) = (answered, trust::approval::is_fresh(now.0, &correction)) {
+    if let (false, Err(why)) = (answered, signatures::approval::is_fresh(now.0, &correction)) {
         let outcome = CorrectionAcknowledgement::REFUSED_STALE;
         let read = unread(&correction);
         return acknowledge(now, &correction, outcome, read, &why.to_string(), out);

@@ -849,7 +849,7 @@ fn the_keys_of_the_operators_outlive_a_run_of_the_driver() {
     };
     for input in [
         status(),
-        Input::Keys(trust::operators::signed(&key(), keys)),
+        Input::Keys(signatures::operators::signed(&key(), keys)),
         Input::Status(restarted),
     ] {
         let mut out = Outbox::default();

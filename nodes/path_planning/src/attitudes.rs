@@ -25,7 +25,7 @@ use crate::{
 
 /// Nearer than this to a singularity no touch is planned: least speed of the probe at unit speed of the joints
 /// ([`machine::Chain::dexterity`]).
-const LEAST_DEXTERITY: f64 = 0.01;
+const MIN_DEXTERITY: f64 = 0.01;
 /// Postures that are tried as hubs.
 const HUBS_TRIED: usize = 96;
 
@@ -113,7 +113,7 @@ fn of_pose(
         for positions in chain.postures(at, &prescribed, &middle, &part.part_pose, &part.ball) {
             tried.postures += 1;
             let dexterity = chain.dexterity(&positions, &prescribed, &part.part_pose, &part.ball);
-            if dexterity < LEAST_DEXTERITY {
+            if dexterity < MIN_DEXTERITY {
                 tried.singular += 1;
                 continue;
             }

@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Most postures that each touch may be made at.
-const MOST_POSTURES: usize = 32;
+const MAX_POSTURES: usize = 32;
 
 /// As written in the cell file, section `[path_planning]`.
 #[derive(Clone, Debug, Deserialize)]
@@ -125,7 +125,7 @@ impl RawConfig {
                 more: " above 0",
             });
         }
-        if !(1..=MOST_POSTURES).contains(&self.postures) {
+        if !(1..=MAX_POSTURES).contains(&self.postures) {
             return Err(ConfigError::Number {
                 key: "postures",
                 value: self.postures as f64,

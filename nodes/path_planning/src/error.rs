@@ -3,9 +3,9 @@
 use machine::DeviationError;
 
 /// Most touches of one order: the times between all pairs of them are kept.
-pub(crate) const MOST_TOUCHES: usize = 3_000;
+pub(crate) const MAX_TOUCHES: usize = 3_000;
 /// Most turns of a rotary axis from its zero.
-pub(crate) const MOST_TURNS: f64 = 10.0;
+pub(crate) const MAX_TURNS: f64 = 10.0;
 
 /// A plan that cannot be measured on this machine.
 #[derive(Debug, thiserror::Error)]
@@ -63,11 +63,11 @@ pub enum PlanningError {
     #[error("point {0} belongs to a feature that the plan does not define")]
     Feature(usize),
     /// More touches than an order is searched for.
-    #[error("the plan has {0} touches, more than {MOST_TOUCHES} in one order")]
+    #[error("the plan has {0} touches, more than {MAX_TOUCHES} in one order")]
     TooManyTouches(usize),
     /// A rotary position that no machine turns to.
     #[error(
-        "point {point}: rotary axis {axis:?} would turn to {degrees:.0}°, more than {MOST_TURNS} turns"
+        "point {point}: rotary axis {axis:?} would turn to {degrees:.0}°, more than {MAX_TURNS} turns"
     )]
     Turns {
         /// Index of the point.

@@ -24,7 +24,7 @@ pub use features::kind_code;
 use numbers::{direction, finite, metres, ros_point, ros_vector};
 pub use raw::{RawFeature, RawOperation, RawPart, RawStylus};
 
-use crate::{error::MOST_TOUCHES, solver::Poses};
+use crate::{error::MAX_TOUCHES, solver::Poses};
 
 /// As checked: a plan without id and stamp, and what a pass may leave on it.
 #[derive(Clone, Debug)]
@@ -115,7 +115,7 @@ impl RawPart {
             }
             template.features.push(feature);
         }
-        if template.points.len() > MOST_TOUCHES {
+        if template.points.len() > MAX_TOUCHES {
             return Err(PartError::TooManyTouches(template.points.len()));
         }
         Ok(Part {

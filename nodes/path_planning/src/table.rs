@@ -18,7 +18,7 @@ const SLICE_OVER_CLEARANCE: usize = 50_000;
 /// Where the poses of points make more transits, only the likely ones are computed: those between first poses, and from and
 /// to each candidate those with the nearest others, by what the axes need at least.
 const MOST: usize = 60_000;
-const MOST_OVER_CLEARANCE: usize = 4_000_000;
+const MAX_OVER_CLEARANCE: usize = 4_000_000;
 const NEAREST: usize = 40;
 
 /// Seconds of transits, row by row.
@@ -148,7 +148,7 @@ fn likely<'a>(
     let candidates: &[Candidate] = transits.candidates;
     let count = candidates.len();
     let most = match rules.clearance {
-        Some(_) => MOST_OVER_CLEARANCE,
+        Some(_) => MAX_OVER_CLEARANCE,
         None => MOST,
     };
     let few = count * count <= most || count == points;

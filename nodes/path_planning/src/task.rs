@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     candidates,
-    error::{MOST_TOUCHES, MOST_TURNS, PlanningError},
+    error::{MAX_TOUCHES, MAX_TURNS, PlanningError},
     moves,
     rules::MotionRules,
     solver::{Candidate, Poses, Seed},
@@ -72,7 +72,7 @@ pub struct Task {
 fn check_turns(plan: &InspectionPlan, point: u32, pose: &[f64]) -> Result<(), PlanningError> {
     for (index, angle) in pose.iter().enumerate() {
         // NaN is refused with the plan's other numbers.
-        if angle.abs() > MOST_TURNS * std::f64::consts::TAU * (1.0 + 1e-9) {
+        if angle.abs() > MAX_TURNS * std::f64::consts::TAU * (1.0 + 1e-9) {
             return Err(PlanningError::Turns {
                 point: point as usize,
                 axis: plan.rotary_names.get(index).cloned().unwrap_or_default(),
@@ -90,7 +90,7 @@ impl Task {
     /// [`PlanningError`] for a point that is listed twice or unknown, and for one that no pose reaches.
     pub fn new(rules: &MotionRules<'_>, request: &OrderRequest<'_>) -> Result<Self, PlanningError> {
         let (plan, points) = (request.plan, request.points);
-        if points.len() > MOST_TOUCHES {
+        if points.len() > MAX_TOUCHES {
             return Err(PlanningError::TooManyTouches(points.len()));
         }
         let mut poses = Vec::new();

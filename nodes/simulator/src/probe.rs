@@ -5,7 +5,7 @@
 //! computed from a touch on a gauge whose diameter is known with an error. What is left is the true less the stored
 //! value.
 
-use metrology::calibration::{self, Calibration, Done, Step};
+use metrology::probe_setup::{self, Calibration, Done, Step};
 
 use crate::raw::RawProbe;
 
@@ -42,7 +42,7 @@ fn calibrate(mut center: [f64; 3], ball_radius: f64, gauge_error: f64) -> Option
                     let angle = f64::from(index) / f64::from(ANGLES) * std::f64::consts::TAU;
                     (
                         angle,
-                        calibration::quantised(dx * angle.cos() + dy * angle.sin(), DIVISION),
+                        probe_setup::quantised(dx * angle.cos() + dy * angle.sin(), DIVISION),
                     )
                 };
                 Done::Rotated {

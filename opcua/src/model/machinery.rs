@@ -6,7 +6,7 @@ use opcua::types::{
 };
 
 use super::{Builder, By, Rule, below, value};
-use feed::Execution;
+use telemetry::Execution;
 
 /// `FunctionalGroupType` of DI.
 const FUNCTIONAL_GROUP: u32 = 1005;

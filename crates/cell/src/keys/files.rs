@@ -9,7 +9,7 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 
-use trust::{KeyError as NotAKey, PublicKey, SecretKey};
+use signatures::{KeyError as NotAKey, PublicKey, SecretKey};
 
 use super::operators::{Operators, OperatorsError};
 use crate::Cell;

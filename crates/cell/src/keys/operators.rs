@@ -2,7 +2,7 @@
 
 use probecell_msgs::{OperatorKeys, std_msgs::Header};
 use serde::{Deserialize, Serialize};
-use trust::{KeyError as NotAKey, PublicKey};
+use signatures::{KeyError as NotAKey, PublicKey};
 
 /// Why the list of operators is wrong, or cannot be changed so.
 #[derive(Debug, thiserror::Error)]

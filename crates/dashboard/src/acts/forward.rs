@@ -6,7 +6,7 @@ use host::bus::{Bus, BusError};
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{Service, from_cdr, srv, to_cdr};
 
-use super::{Answer, Deed, Desk, Signed};
+use super::{ActionEndpoint, Answer, Deed, Signed};
 
 /// Timeout of a service, longer than a cell waits for its nodes.
 const REPLY: Duration = Duration::from_secs(15);
@@ -18,7 +18,7 @@ const END: Duration = Duration::from_secs(2);
 const NODE: &str = "operator_call";
 
 /// The instant by the clock of the cell.
-pub(super) fn clock_of(desk: &Desk) -> Result<Time, String> {
+pub(super) fn clock_of(desk: &ActionEndpoint) -> Result<Time, String> {
     with(desk, |cell| {
         let status = cell.call::<srv::Status>("status", &srv::StatusRequest::default(), REPLY)?;
         Ok(status.header.stamp)
@@ -27,7 +27,7 @@ pub(super) fn clock_of(desk: &Desk) -> Result<Time, String> {
 
 /// Hands a signed act to the cell.
 pub(super) fn forward(
-    desk: &Desk,
+    desk: &ActionEndpoint,
     deed: &Deed,
     at: Time,
     signed: &Signed,
@@ -132,7 +132,7 @@ impl Services<'_> {
 }
 
 fn with<T>(
-    desk: &Desk,
+    desk: &ActionEndpoint,
     work: impl FnOnce(&Services<'_>) -> Result<T, String>,
 ) -> Result<T, String> {
     let namespace = format!("/{}", desk.cell);

@@ -2,7 +2,7 @@
 
 use diagnosis::Report;
 use probecell_msgs::{Correction, InspectionPlan, InspectionPoint, OperatorRequest, PlanId};
-use trust::{Act, Kind, PublicKey, approval};
+use signatures::{Act, Kind, PublicKey, approval};
 
 use super::Deed;
 use crate::state::CellState;

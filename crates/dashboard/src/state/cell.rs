@@ -97,7 +97,7 @@ pub struct Touch {
 
 /// A deviation of size of one part, for a run chart.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Made {
+pub struct RunChartPoint {
     /// The run, and the pass of it, that was measured last.
     pub run: String,
     /// m, size minus nominal.
@@ -160,7 +160,7 @@ pub struct CellState {
     /// The newest decision on a pass.
     pub(super) decision: Option<PassDecision>,
     /// Values over parts.
-    pub runs: BTreeMap<Characteristic, VecDeque<Made>>,
+    pub runs: BTreeMap<Characteristic, VecDeque<RunChartPoint>>,
     pub(super) ledger: Ledger,
     /// The newest gap report.
     pub gap: Option<Arc<GapReport>>,

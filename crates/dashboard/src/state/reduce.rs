@@ -10,7 +10,7 @@ use probecell_msgs::{
     PlanId, PlanProgress, RecordingStatus, TouchDeviation, Verdict, from_cdr,
 };
 
-use super::cell::{CellState, Characteristic, Made, Section, Touch};
+use super::cell::{CellState, Characteristic, RunChartPoint, Section, Touch};
 use super::events::EventKind;
 use super::ledger::{part_of, part_of_run};
 use super::wording;
@@ -232,7 +232,7 @@ impl CellState {
         if result.decision != FeatureResult::INVALID
             && (self.runs.contains_key(&characteristic) || self.runs.len() < CHARACTERISTICS)
         {
-            let made = Made {
+            let made = RunChartPoint {
                 run,
                 deviation: result.size_deviation,
                 expanded: result.expanded_uncertainty(),

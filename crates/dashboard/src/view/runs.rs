@@ -3,7 +3,9 @@
 use maud::{Markup, html};
 
 use super::numbers::{counted, signed_um, um};
-use crate::state::{Capability, CellState, Characteristic, FEWEST, Made, STATEMENT, capability};
+use crate::state::{
+    Capability, CellState, Characteristic, FEWEST, RunChartPoint, STATEMENT, capability,
+};
 
 /// Charts shown.
 const CHARTS: usize = 24;
@@ -84,7 +86,7 @@ fn index_of(index: Option<&Capability>, parts: usize, has_limits: bool) -> Marku
     }
 }
 
-fn chart(name: &str, made: &[&Made], limits: Option<(f64, f64)>) -> Markup {
+fn chart(name: &str, made: &[&RunChartPoint], limits: Option<(f64, f64)>) -> Markup {
     let mut values: Vec<f64> = made
         .iter()
         .flat_map(|one| [one.deviation - one.expanded, one.deviation + one.expanded])

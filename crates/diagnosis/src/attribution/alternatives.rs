@@ -4,8 +4,8 @@
 
 use effects::candidate;
 use inference::candidate::Candidate;
-use inference::evidence::Products;
-use inference::posterior::Attribution;
+use inference::evidence::InnerProducts;
+use inference::posterior::ModelPosterior;
 
 use super::candidate_pool::{ScannedResiduals, Shapes};
 use super::parameters;
@@ -15,7 +15,7 @@ use crate::report::Alternative;
 /// is one (its index, its variance over that of the noise); those that cannot be fitted are left out.
 pub(crate) fn fit_alternatives(
     shapes: &Shapes<'_>,
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     (set, unknown): (&[usize], Option<(usize, f64)>),
     index: usize,
     names: &[String],
@@ -39,7 +39,7 @@ pub(crate) fn fit_alternatives(
 /// The variant and shape of an effect with the smallest residual variance beside the rest of the set.
 fn best_candidate(
     shapes: &Shapes<'_>,
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     set: &[usize],
     index: usize,
     name: &str,
@@ -61,7 +61,7 @@ fn best_candidate(
             .map(|member| member.block.as_slice())
             .collect();
         let all: Vec<usize> = (0..blocks.len()).collect();
-        let products = Products::new(&blocks, &attribution.y, &attribution.active);
+        let products = InnerProducts::new(&blocks, &attribution.y, &attribution.active);
         let Some(variance) = products.fit(&all).map(|fit| fit.variance) else {
             continue;
         };
@@ -75,7 +75,7 @@ fn best_candidate(
 /// The trial shape of a variant that explains most of the residuals of the rest of the set; 0 where it has no shape.
 fn best_shape(
     shapes: &Shapes<'_>,
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     others: &[&Candidate],
     variant: usize,
 ) -> f64 {

@@ -13,12 +13,14 @@ use effects::{Variant, candidate, candidates};
 use inference::candidate::{Alias, Candidate};
 use inference::columns::{Columns, Rows};
 use inference::discrepancy::Discrepancy;
-use inference::evidence::Products;
-use inference::golden::golden_section;
+use inference::evidence::InnerProducts;
+use inference::golden_section::golden_section;
 use inference::linear::{SPANNED, dot, orthonormal, project_out};
-use inference::posterior::Attribution;
+use inference::posterior::ModelPosterior;
 use inference::scan::{CrossProducts, MaskedColumn, ResidualProjection, Trials};
-use inference::search::{EvidenceCache, Priors, Scored, default_beam_width, exchange_best, search};
+use inference::search::{
+    EvidenceCache, Priors, ScoredSet, default_beam_width, exchange_best, search,
+};
 use inference::trial::Trial;
 
 /// Rows on which shapes are scanned.
@@ -54,7 +56,7 @@ pub(crate) struct Shapes<'a> {
     columns: RefCell<Vec<Rc<Columns>>>,
     /// Slopes, by variant and the bits of its shape, as far as they were asked for.
     slopes: RefCell<BTreeMap<(usize, u64), Slopes>>,
-    /// Products of candidates with all trials, as far as they were asked for.
+    /// Inner products of candidates with all trials, as far as they were asked for.
     pub(crate) crossed: CrossProducts,
 }
 
@@ -323,7 +325,7 @@ pub(crate) struct CandidatePool<'a> {
     pub(crate) lag1_correlation: f64,
     pub(crate) candidates: Vec<Candidate>,
     pub(crate) aliases: Vec<Vec<Alias>>,
-    pub(crate) products: Products,
+    pub(crate) products: InnerProducts,
     /// Candidates are only added, so that the evidence of a set stays valid.
     evidence: EvidenceCache,
     /// The deviations' products with all trials.
@@ -344,14 +346,14 @@ impl<'a> CandidatePool<'a> {
             lag1_correlation,
             candidates: shapes.base.clone(),
             aliases: shapes.aliases.clone(),
-            products: Products::new(&[], y, active),
+            products: InnerProducts::new(&[], y, active),
             evidence: EvidenceCache::new(),
             deviations: OnceCell::new(),
         }
     }
 
     /// Takes over the candidates of another attribution of the same session.
-    pub(crate) fn take_over(&mut self, other: &Attribution) {
+    pub(crate) fn take_over(&mut self, other: &ModelPosterior) {
         self.candidates.clone_from(&other.candidates);
         self.aliases.clone_from(&other.aliases);
     }
@@ -405,7 +407,7 @@ impl<'a> CandidatePool<'a> {
         }
     }
 
-    pub(crate) fn search(&mut self) -> Vec<Scored> {
+    pub(crate) fn search(&mut self) -> Vec<ScoredSet> {
         self.refresh();
         let priors = self.priors();
         let mut scored = search(
@@ -418,7 +420,7 @@ impl<'a> CandidatePool<'a> {
         scored
     }
 
-    /// Products of all candidates there are by now.
+    /// Inner products of all candidates there are by now.
     pub(crate) fn refresh(&mut self) {
         let added = self.candidates[self.shapes.base.len()..].iter();
         let added = added.map(|candidate| candidate.block.as_slice());

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use effects::effect::Coordinate;
 use effects::registry::acts_on;
 use inference::candidate::Candidate;
-use inference::posterior::Attribution;
+use inference::posterior::ModelPosterior;
 use inference::trial::Trial;
 
 use super::candidate_pool::{ScannedResiduals, Shapes};
@@ -23,7 +23,7 @@ const TOLD_APART: f64 = 5.0;
 /// A substitute whose log posterior is lower by less than this is not excluded.
 const NOT_EXCLUDED: f64 = 4.6;
 /// The first of two effects that stand for one explains at least this share of its energy.
-const MOST_OF_IT: f64 = 0.4;
+const MAX_OF_IT: f64 = 0.4;
 /// Trial values of a shape that are compared with a signature.
 const TRIALS: usize = 160;
 
@@ -59,7 +59,7 @@ fn same_within(noise: f64, touches: usize) -> f64 {
 /// The equivalence class of a member of a set.
 pub(crate) fn equivalence_class(
     shapes: &Shapes<'_>,
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     fitted: &FittedMember<'_>,
 ) -> EquivalenceClass {
     let others = (fitted.set.iter().copied())
@@ -99,7 +99,7 @@ pub(crate) fn equivalence_class(
 /// Candidates in the place of one member of a set.
 struct Substitution<'a> {
     shapes: &'a Shapes<'a>,
-    attribution: &'a Attribution,
+    attribution: &'a ModelPosterior,
     fitted: &'a FittedMember<'a>,
     /// The rest of the set.
     others: Vec<usize>,
@@ -184,7 +184,7 @@ impl<'a> Substitution<'a> {
             .map(|index| (index, self.as_trial(&candidates[index])))
             .collect();
         for (first, trial) in &offered {
-            if whole.explained_by(trial) < MOST_OF_IT * whole.energy() {
+            if whole.explained_by(trial) < MAX_OF_IT * whole.energy() {
                 continue;
             }
             let left = beside(Some(*first));

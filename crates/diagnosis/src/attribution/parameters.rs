@@ -12,7 +12,7 @@ use std::ops::Range;
 use effects::{ParameterEstimate, candidate};
 use inference::candidate::Candidate;
 use inference::linear::{add_scaled, dot};
-use inference::posterior::{Attribution, Model};
+use inference::posterior::{Model, ModelPosterior};
 use metrology::statistics::coverage_factor;
 use nalgebra::{DMatrix, DVector};
 
@@ -36,7 +36,7 @@ const SINGULAR: f64 = 1e-9;
 /// of the noise.
 pub(crate) fn estimates(
     shapes: &Shapes<'_>,
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     set: &[usize],
     unknown: Option<(usize, f64)>,
 ) -> Vec<Vec<ParameterEstimate>> {
@@ -51,7 +51,7 @@ pub(crate) fn estimates(
 /// 4): where its size and kind, and what else acts, are not sure, an interval holds what they change.
 pub(crate) fn averaged(
     shapes: &Shapes<'_>,
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     set: &[usize],
     unknown: Option<(usize, f64)>,
 ) -> Vec<Vec<ParameterEstimate>> {
@@ -116,7 +116,7 @@ fn average(parameter: &mut ParameterEstimate, all: &[(f64, f64, [f64; 2])]) {
 /// The same for candidates that need not be among those of the attribution; empty lists where they cannot be fitted.
 pub(crate) fn of_members(
     shapes: &Shapes<'_>,
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     members: &[&Candidate],
     unknown: Option<(usize, f64)>,
 ) -> Vec<Vec<ParameterEstimate>> {
@@ -148,7 +148,7 @@ pub(crate) fn of_members(
 /// standard uncertainties off, and what else acts moves it further.
 fn fitted<'m>(
     shapes: &Shapes<'_>,
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     members: &[&'m Candidate],
     unknown: Option<(usize, f64)>,
 ) -> Option<(Vec<Cow<'m, Candidate>>, GaussNewton)> {

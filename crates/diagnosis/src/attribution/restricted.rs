@@ -11,7 +11,7 @@ use std::rc::Rc;
 
 use inference::candidate::Candidate;
 use inference::discrepancy::{Discrepancy, Kind};
-use inference::evidence::{Products, log_sum};
+use inference::evidence::{InnerProducts, log_sum};
 use inference::linear::{SPANNED, orthonormal};
 use inference::posterior::Model;
 use inference::whitened::Design;
@@ -103,7 +103,8 @@ fn fields(
     }
     let columns = candidate(basis);
     let block = [columns.block.as_slice()];
-    let plain = Products::with_lag1(&block, pool.y, pool.active, touches, pool.lag1_correlation);
+    let plain =
+        InnerProducts::with_lag1(&block, pool.y, pool.active, touches, pool.lag1_correlation);
     let design = Design::new(std::iter::once(&columns), pool.y, &pool.rows());
     let mut all: Vec<(f64, usize, f64)> = Vec::new();
     for (index, discrepancy) in discrepancies.iter().enumerate() {
@@ -160,7 +161,7 @@ fn linear_in_place(pool: &CandidatePool<'_>) -> Vec<Vec<f64>> {
 
 /// Logarithm of the likelihood of the contrasts that the columns do not reach, at the noise that is most likely; `None` where
 /// the columns cannot be told apart.
-fn restricted_log_likelihood(products: &Products) -> Option<f64> {
+fn restricted_log_likelihood(products: &InnerProducts) -> Option<f64> {
     let count = products.qy.len();
     let along = DVector::from_column_slice(&products.qy);
     let factor = DMatrix::from_row_slice(count, count, &products.qq).cholesky()?;
@@ -191,7 +192,7 @@ mod tests {
         let field = Discrepancy::new(Kind::Region, &made, 0.0);
         let active = vec![true; rows];
         let block = candidate(basis.clone());
-        let plain = Products::with_lag1(&[basis.as_slice()], &y, &active, rows, 0.0);
+        let plain = InnerProducts::with_lag1(&[basis.as_slice()], &y, &active, rows, 0.0);
         let all = inference::columns::Rows {
             active,
             touches: rows,

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use super::blocks;
 use effects::observation::Observations;
 use inference::candidate::Candidate;
-use inference::posterior::Attribution;
+use inference::posterior::ModelPosterior;
 
 /// An effect is supported when the held-out rms without it is larger at least by this share, in a usual session.
 const SHRINKS: f64 = 0.1;
@@ -30,7 +30,7 @@ const ALONE: f64 = 0.1;
 /// Members of a set (ascending, not empty) that are unsupported; `noise` in m.
 pub(crate) fn unsupported_effects(
     observations: &Observations,
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     set: &[usize],
     noise: f64,
 ) -> Vec<usize> {
@@ -42,7 +42,7 @@ pub(crate) fn unsupported_effects(
 }
 
 /// Share by which the held-out rms must be larger without an effect that is supported.
-pub(crate) fn least_share(attribution: &Attribution) -> f64 {
+pub(crate) fn least_share(attribution: &ModelPosterior) -> f64 {
     let touches = attribution.active.iter().filter(|&&used| used).count() as f64;
     (SHRINKS * (USUAL / touches).min(1.0)).max(LEAST)
 }
@@ -50,7 +50,7 @@ pub(crate) fn least_share(attribution: &Attribution) -> f64 {
 /// Members without which held-out touches are predicted as well, the least supported first.
 fn not_cross_validated(
     observations: &Observations,
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     set: &[usize],
 ) -> Vec<usize> {
     let blocks = blocks(observations, &attribution.active);
@@ -88,7 +88,7 @@ fn not_cross_validated(
 /// Members of a group that cancel one another.
 fn cancelling(
     observations: &Observations,
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     set: &[usize],
     noise: f64,
 ) -> Vec<usize> {

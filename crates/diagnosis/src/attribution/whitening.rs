@@ -3,7 +3,7 @@
 
 use inference::columns::Rows;
 use inference::linear::{add_scaled, dot};
-use inference::posterior::Attribution;
+use inference::posterior::ModelPosterior;
 use nalgebra::{DMatrix, DVector};
 
 use super::candidate_pool::Shapes;
@@ -23,7 +23,7 @@ impl Whitened {
     /// Beside a process: its index and its variance over that of the noise.
     pub(super) fn new(
         shapes: &Shapes<'_>,
-        attribution: &Attribution,
+        attribution: &ModelPosterior,
         unknown: Option<(usize, f64)>,
     ) -> Self {
         let rows = Rows {
@@ -63,7 +63,7 @@ pub(crate) struct Process {
 
 impl Process {
     /// Of this variance over that of the noise.
-    fn new(attribution: &Attribution, index: usize, power: f64) -> Option<Self> {
+    fn new(attribution: &ModelPosterior, index: usize, power: f64) -> Option<Self> {
         let discrepancy = &attribution.discrepancies[index];
         if let Some(widening) = discrepancy.widening(power) {
             return Some(Self {

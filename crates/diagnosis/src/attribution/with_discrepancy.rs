@@ -9,9 +9,9 @@ use std::rc::Rc;
 
 use effects::discrepancy::is_kin;
 use inference::discrepancy::{Discrepancy, Kind};
-use inference::evidence::Products;
+use inference::evidence::InnerProducts;
 use inference::posterior::Model;
-use inference::search::{EvidenceCache, Priors, Scored, exchange_best, search};
+use inference::search::{EvidenceCache, Priors, ScoredSet, exchange_best, search};
 use inference::whitened::Design;
 
 use super::candidate_pool::CandidatePool;
@@ -50,7 +50,7 @@ const KIN: f64 = 12.0;
 /// Models of effect sets with each of the discrepancies, whose numbers begin at `first`; `known` are scored already.
 pub(crate) fn score_with_discrepancies(
     pool: &CandidatePool<'_>,
-    scored: &[Scored],
+    scored: &[ScoredSet],
     discrepancies: &[Rc<Discrepancy>],
     first: usize,
     known: &[Model],
@@ -114,7 +114,7 @@ pub(super) fn search_beside(
     let products = (design.with_discrepancy(discrepancy)).products(power, &pool.products);
     let mut found = search(&products, &priors, SEARCH_BEAM, &mut EvidenceCache::new());
     exchange_best(&products, &priors, &mut found);
-    let model = |found: Scored| Model {
+    let model = |found: ScoredSet| Model {
         set: found.set,
         discrepancy: Some((index, power)),
         probability: 0.0,
@@ -183,7 +183,7 @@ impl Scorer<'_> {
     }
 
     /// Discrepancies worth a closer look, best first: the best set of each size with the sizes that it has without.
-    fn screen(&self, scored: &[Scored], best: f64) -> Vec<Screened> {
+    fn screen(&self, scored: &[ScoredSet], best: f64) -> Vec<Screened> {
         let mut sets: Vec<Vec<usize>> = Vec::new();
         for scored in scored {
             if sets.iter().all(|set| set.len() != scored.set.len()) {
@@ -273,7 +273,7 @@ impl Scorer<'_> {
             let products = whitened.products(power, &self.pool.products);
             let mut found = search(&products, &priors, SEARCH_BEAM, &mut EvidenceCache::new());
             exchange_best(&products, &priors, &mut found);
-            let model = |found: &Scored, power: f64, log_posterior: f64| Model {
+            let model = |found: &ScoredSet, power: f64, log_posterior: f64| Model {
                 set: found.set.clone(),
                 discrepancy: Some((index, power)),
                 probability: 0.0,
@@ -309,8 +309,8 @@ impl Scorer<'_> {
 /// The candidates of some sets only: projecting the whole library onto every discrepancy would cost too much.
 struct CandidateSubset {
     design: Design,
-    /// Products without a discrepancy.
-    plain: Products,
+    /// Inner products without a discrepancy.
+    plain: InnerProducts,
     /// Those sets that can be solved.
     sets: Vec<FittedSet>,
 }
@@ -356,7 +356,7 @@ struct FittedSet {
 
 impl FittedSet {
     /// Log evidence at these sizes.
-    fn log_evidence(&self, products: &Products) -> f64 {
+    fn log_evidence(&self, products: &InnerProducts) -> f64 {
         products.log_evidence_at_sizes(&self.indices, &self.sizes, self.variance)
     }
 }
@@ -382,7 +382,7 @@ fn log_prior_with(discrepancy: &Discrepancy) -> f64 {
 }
 
 /// The empty set, the best sets, and each of these without one of its effects.
-fn reduced_sets(scored: &[Scored]) -> Vec<Vec<usize>> {
+fn reduced_sets(scored: &[ScoredSet]) -> Vec<Vec<usize>> {
     let mut sets: Vec<Vec<usize>> = vec![Vec::new()];
     for scored in scored.iter().take(SETS) {
         for removed in 0..=scored.set.len() {

@@ -1,12 +1,12 @@
 //! The attribution of a session of touches: outliers are rejected, curved surfaces corrected to second order. Metres.
 
 use effects::Variant;
-use effects::finite::FiniteErrors;
-use effects::library::ChainError;
+use effects::finite_displacement::FiniteErrors;
 use effects::observation::{Column, Observations};
+use effects::variant::ChainError;
 use inference::linear::add_scaled;
 use inference::outliers;
-use inference::posterior::{Attribution, Model};
+use inference::posterior::{Model, ModelPosterior};
 use metrology::statistics::MAD_FACTOR;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -19,13 +19,13 @@ const STRAIGHT: f64 = 0.05;
 /// A part turned by less than this has no second order that shows, rad.
 const TURNED: f64 = 1e-3;
 /// Share of the sum of squares that the pose of the part may leave where it makes most of the gap.
-const MOST_OF_GAP: f64 = 0.25;
+const MAX_OF_GAP: f64 = 0.25;
 /// Rounds of second order and of outlier rejection.
 const ROUNDS: usize = 3;
 
 /// An attribution together with the outliers that were rejected before.
 pub(super) struct Explained {
-    pub(super) attribution: Attribution,
+    pub(super) attribution: ModelPosterior,
     /// Rows that were rejected as outliers.
     pub(super) rejected: Vec<usize>,
     /// Log posterior of the best model, the outliers included.
@@ -44,7 +44,7 @@ impl Explained {
     }
 }
 
-/// Attribution of a session without its outliers: suspects, then those beside the best models, as long as the posterior
+/// The model posterior of a session without its outliers: suspects, then those beside the best models, as long as the posterior
 /// rises.
 pub(super) fn explain(shapes: &Shapes<'_>) -> Explained {
     let all = vec![true; shapes.observations.rows.len()];
@@ -103,7 +103,7 @@ fn suspected_outliers(explained: &Explained) -> Vec<Vec<usize>> {
         .collect()
 }
 
-/// Attribution with the second order of curved surfaces taken into account.
+/// The model posterior with the second order of curved surfaces taken into account.
 fn straightened(shapes: &Shapes<'_>, rejected: &[usize]) -> Explained {
     let (observations, variants) = (shapes.observations, shapes.variants);
     let mut active = vec![true; observations.rows.len()];
@@ -157,7 +157,7 @@ fn weighted(observations: &Observations, correction: &[f64]) -> Vec<f64> {
 fn shifts(
     observations: &Observations,
     variants: &[Variant],
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     model: &Model,
 ) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
     let mut shifts = Shifts::none(observations);
@@ -277,7 +277,7 @@ fn part_turned(observations: &Observations, variants: &[Variant], active: &[bool
             .zip(&values))
         .filter(|(error, _)| matches!(error, ChainError::Part(3..)))
         .fold(0.0, |sum: f64, (_, value)| sum.hypot(*value));
-        if turned < TURNED || remaining > MOST_OF_GAP * before {
+        if turned < TURNED || remaining > MAX_OF_GAP * before {
             return correction;
         }
         let mut shifts = Shifts::none(observations);
@@ -297,7 +297,7 @@ fn part_turned(observations: &Observations, variants: &[Variant], active: &[bool
 
 /// Weighted residuals of a model, less the posterior mean of its discrepancy; where touches are noisier than others, in
 /// units of the others.
-pub(super) fn residuals(attribution: &Attribution, model: &Model) -> Vec<f64> {
+pub(super) fn residuals(attribution: &ModelPosterior, model: &Model) -> Vec<f64> {
     let mut residuals = attribution
         .residuals(model)
         .unwrap_or_else(|| attribution.y.clone());
@@ -324,7 +324,7 @@ pub(super) fn residuals(attribution: &Attribution, model: &Model) -> Vec<f64> {
 }
 
 /// Touches whose residual exceeds the outlier threshold of a model.
-fn outliers_beside(attribution: &Attribution, model: &Model) -> Vec<usize> {
+fn outliers_beside(attribution: &ModelPosterior, model: &Model) -> Vec<usize> {
     let residuals = residuals(attribution, model);
     let mut sizes: Vec<f64> = residuals
         .iter()

@@ -5,7 +5,7 @@
 //! used to fit. Since it is chosen by what it leaves, it is no proof. Metres.
 
 use inference::candidate::Candidate;
-use inference::evidence_gain::EvidenceGain;
+use inference::evidence_gain::EvidenceGainEstimator;
 
 use super::reporter::Reporter;
 use crate::attribution::blocks;
@@ -62,7 +62,7 @@ impl Reporter<'_> {
     fn promising(&self, set: &[usize]) -> Vec<usize> {
         let products = &self.explained.attribution.products;
         let variances = products.variances(set);
-        let Some(mut gain) = EvidenceGain::new(products, set, &variances) else {
+        let Some(mut gain) = EvidenceGainEstimator::new(products, set, &variances) else {
             return Vec::new();
         };
         let known: Vec<&str> = set.iter().map(|&member| self.effect_of(member)).collect();

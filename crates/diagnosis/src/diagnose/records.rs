@@ -1,7 +1,7 @@
 //! Effects of the records themselves: a coarse grid, outliers, clock offsets. Metres, seconds.
 
+use effects::clock_check;
 use effects::record::{clock_offset, outliers, quantisation};
-use effects::timing;
 use inference::discrepancy::Kind;
 use inference::posterior::Model;
 
@@ -59,7 +59,7 @@ impl Reporter<'_> {
             let all = rms(self.observations.deviations.iter().copied());
             effects.push(plain(outliers::ID, 1.0, values.collect(), all, noise));
         }
-        if let Some(clock) = timing::clock_offset(self.session).filter(|clock| clock.certain) {
+        if let Some(clock) = clock_check::clock_offset(self.session).filter(|clock| clock.certain) {
             let parameters = vec![fixed(
                 "dt",
                 clock.offset,

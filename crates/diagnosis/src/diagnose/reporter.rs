@@ -16,7 +16,7 @@ use inference::linear::add_scaled;
 use inference::posterior::Model;
 
 use super::explain::{Explained, residuals};
-use super::naming::Named;
+use super::reported::Named;
 use crate::attribution::blocks;
 use crate::attribution::candidate_pool::Shapes;
 use crate::attribution::unsupported::unsupported_effects;
@@ -36,7 +36,7 @@ pub(super) const REFUTED: f64 = 10.0;
 /// The named effects leave more than the noise where the held-out rms is this many times as large.
 const LEFT: f64 = 1.5;
 /// Effects that are listed as rejected at most, those of a named group included.
-const MOST_REJECTED: usize = 24;
+const MAX_REJECTED: usize = 24;
 
 /// The noise of the touches.
 struct NoiseOf {
@@ -396,7 +396,7 @@ impl Reporter<'_> {
             });
         }
         rejected.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        rejected.truncate(MOST_REJECTED);
+        rejected.truncate(MAX_REJECTED);
         rejected
     }
 }

@@ -1,10 +1,10 @@
 //! How far a set of drive effects shrinks the gap on pieces of time, or whole sessions, that were not used to fit.
 
-use effects::session::DiagnoseError;
+use effects::session::SessionError;
 
 use super::regression::{FOLDS, Leave, residuals};
 use super::{Axis, Chosen, Drives};
-use crate::report::OfSession;
+use crate::report::SessionGap;
 use inference::linear::dot;
 use metrology::statistics::coverage_factor;
 
@@ -40,7 +40,7 @@ impl HeldOut {
     }
 
     /// The same session by session and axis by axis.
-    pub(super) fn of_sessions(&self, before: &Self) -> Vec<OfSession> {
+    pub(super) fn of_sessions(&self, before: &Self) -> Vec<SessionGap> {
         let mut pairs = self.of.clone();
         pairs.dedup();
         let pick = |all: &Self, pair: &(String, String)| -> Vec<f64> {
@@ -53,7 +53,7 @@ impl HeldOut {
             .iter()
             .map(|pair| {
                 let (old, new) = (pick(before, pair), pick(self, pair));
-                OfSession {
+                SessionGap {
                     bag: pair.0.clone(),
                     axis: Some(pair.1.clone()),
                     rms_before: (old.iter().sum::<f64>() / old.len().max(1) as f64).sqrt(),
@@ -100,7 +100,7 @@ pub(super) fn better(before: &[f64], after: &[f64]) -> bool {
 
 impl Drives {
     /// Held-out sizes: on the withheld sessions where `judged` and there are any, else on left-out pieces of the fitted.
-    pub(super) fn held_out(&self, chosen: &Chosen, judged: bool) -> Result<HeldOut, DiagnoseError> {
+    pub(super) fn held_out(&self, chosen: &Chosen, judged: bool) -> Result<HeldOut, SessionError> {
         let mut result = HeldOut::default();
         self.held_out_parts(chosen, judged, |axis, bag, part| {
             result.add(part, axis.scale, bag, &axis.signals.axis);
@@ -114,7 +114,7 @@ impl Drives {
         chosen: &Chosen,
         judged: bool,
         mut show: impl FnMut(&Axis, &str, &[f64]),
-    ) -> Result<(), DiagnoseError> {
+    ) -> Result<(), SessionError> {
         for index in 0..self.fitted[0].len() {
             let name = &self.fitted[0][index].signals.axis;
             let of = |axis: &&Axis| axis.signals.axis == *name;

@@ -3,7 +3,7 @@
 //! Samples of a drive are correlated; uncertainties count only the independent ones. Coefficients are in the unit of the
 //! effort or motion over that of the term.
 
-use effects::session::DiagnoseError;
+use effects::session::SessionError;
 use inference::least_squares::{NormalEquations, Solution};
 use inference::linear::{add_scaled, dot};
 
@@ -70,7 +70,7 @@ impl Drives {
         index: usize,
         chosen: &Chosen,
         leave: Option<Leave>,
-    ) -> Result<Solution, DiagnoseError> {
+    ) -> Result<Solution, SessionError> {
         self.solve(index, &self.parts(index, chosen, leave))
     }
 
@@ -80,7 +80,7 @@ impl Drives {
         index: usize,
         chosen: &Chosen,
         leave: Option<Leave>,
-    ) -> Result<UncertainFit, DiagnoseError> {
+    ) -> Result<UncertainFit, SessionError> {
         let parts = self.parts(index, chosen, leave);
         let solution = self.solve(index, &parts)?;
         let samples: usize = parts.iter().map(|part| part.y.len()).sum();
@@ -123,14 +123,14 @@ impl Drives {
         self.fitted.iter().enumerate().filter_map(part).collect()
     }
 
-    fn solve(&self, index: usize, parts: &[Part]) -> Result<Solution, DiagnoseError> {
+    fn solve(&self, index: usize, parts: &[Part]) -> Result<Solution, SessionError> {
         let mut normal = NormalEquations::new(parts.first().map_or(0, |part| part.columns.len()));
         for part in parts {
             normal.add(&part.columns, &part.y);
         }
         normal
             .solve(RIDGE)
-            .map_err(|singular| DiagnoseError::Singular {
+            .map_err(|singular| SessionError::Singular {
                 axis: self.fitted[0][index].signals.axis.clone(),
                 singular,
             })
@@ -138,7 +138,7 @@ impl Drives {
 
     /// True when the last effect of a set is the same in both halves of the record: a constant of the machine, with
     /// the sign that physics asks for.
-    pub(super) fn steady(&self, chosen: &Chosen) -> Result<bool, DiagnoseError> {
+    pub(super) fn steady(&self, chosen: &Chosen) -> Result<bool, SessionError> {
         let Some(&(number, shape)) = chosen.last() else {
             return Ok(true);
         };

@@ -1,7 +1,7 @@
 //! Candidates of a joint diagnosis: effects of the library as blocks of columns over the rows of all sessions.
 //!
 //! An effect that is harmonic in an angle is offered as one smooth function of it, all harmonics sharing one size: a
-//! gear or a joint's transmission has many. Other nonlinear constants are scanned against what a set leaves. Metres.
+//! gear or a joint's transmission has many. Other nonlinear parameters are scanned against what a set leaves. Metres.
 
 use nalgebra::DMatrix;
 
@@ -11,7 +11,7 @@ use effects::registry::acts_on;
 use effects::{Parameter, Variant, candidate, library};
 use inference::linear::{dot, scale};
 
-use crate::physical::Impossible;
+use crate::nonnegativity::ExcludedParameters;
 
 /// Name of the constant that counts harmonics.
 const HARMONIC: &str = "k";
@@ -31,7 +31,7 @@ pub(super) struct Block {
     pub(super) back: DMatrix<f64>,
     /// Names and units of the parameters.
     pub(super) parameters: Vec<Parameter>,
-    /// Value of its nonlinear constant, with name and unit.
+    /// Value of its nonlinear parameter, with name and unit.
     pub(super) shape: Option<(&'static str, f64, &'static str)>,
     /// True where the parameters are (sine, cosine) pairs of successive harmonics.
     pub(super) harmonics: bool,
@@ -58,7 +58,7 @@ impl BlockPool {
     pub(super) fn new(
         observations: &Observations,
         excluded: &[String],
-        impossible: &Impossible,
+        impossible: &ExcludedParameters,
     ) -> Self {
         let mut variants = impossible.left_out(library(observations));
         // Readings taken at a standstill (a tracker's, a dial's) come from no trigger.
@@ -112,14 +112,14 @@ impl BlockPool {
         self.blocks.iter().map(|block| block.columns.as_slice())
     }
 
-    /// All trials of the nonlinear constants, variant by variant.
+    /// All trials of the nonlinear parameters, variant by variant.
     pub(super) fn trials(&self) -> Vec<&[Vec<f64>]> {
         (self.shaped.iter().flat_map(|shaped| &shaped.trials))
             .map(|(_, columns)| columns.as_slice())
             .collect()
     }
 
-    /// Adds the best value of each nonlinear constant as a block; `gains` are in the order of [`Self::trials`].
+    /// Adds the best value of each nonlinear parameter as a block; `gains` are in the order of [`Self::trials`].
     pub(super) fn add_best(&mut self, observations: &Observations, gains: &[(f64, f64)]) {
         let mut gains = gains.iter();
         for shaped in &mut self.shaped {

@@ -8,12 +8,12 @@ use metrology::statistics::rms;
 
 use super::blocks::BlockPool;
 use effects::observation::Row;
+use inference::cross_validation::{HeldOut, TouchBlocks};
 use inference::gram::{BlockSet, Gram};
-use inference::held_out::{HeldOut, TouchBlocks};
 
 use super::rows::Joined;
 use super::selection::Rows;
-use crate::report::OfSession;
+use crate::report::SessionGap;
 
 /// Folds of the blocks.
 const FOLDS: usize = 5;
@@ -21,8 +21,8 @@ const FOLDS: usize = 5;
 const STANDARD_ERRORS: f64 = 2.0;
 
 /// The member without which held-out residuals grow least, where that is by no more than [`STANDARD_ERRORS`]; from the sizes of
-/// [`Judge::without_each`].
-pub(super) fn superfluous(judged: &[Judged]) -> Option<usize> {
+/// [`HeldOutEvaluator::without_each`].
+pub(super) fn superfluous(judged: &[HeldOutScores]) -> Option<usize> {
     let (whole, reduced) = judged.split_first()?;
     let gains = reduced.iter().map(|without| whole.gain(without));
     gains
@@ -33,7 +33,7 @@ pub(super) fn superfluous(judged: &[Judged]) -> Option<usize> {
 }
 
 /// Held-out sizes of one set.
-pub(super) struct Judged {
+pub(super) struct HeldOutScores {
     pub(super) all: HeldOut,
     sessions: Vec<HeldOut>,
     /// Sum of squares and number of touches of each block.
@@ -41,7 +41,7 @@ pub(super) struct Judged {
 }
 
 /// The rows that judge.
-pub(super) struct Judge<'a> {
+pub(super) struct HeldOutEvaluator<'a> {
     rows: &'a Rows<'a>,
     joined: &'a Joined,
     fitted: usize,
@@ -50,7 +50,7 @@ pub(super) struct Judge<'a> {
     withheld: bool,
 }
 
-impl<'a> Judge<'a> {
+impl<'a> HeldOutEvaluator<'a> {
     /// Judges by sessions from number `fitted` on where `withheld`, by blocks of the others elsewhere.
     pub(super) fn new(
         rows: &'a Rows<'a>,
@@ -78,7 +78,12 @@ impl<'a> Judge<'a> {
     }
 
     /// Held-out sizes with no effect, the first, the first two, and so on.
-    pub(super) fn prefixes(&self, pool: &BlockPool, gram: &Gram, set: &BlockSet) -> Vec<Judged> {
+    pub(super) fn prefixes(
+        &self,
+        pool: &BlockPool,
+        gram: &Gram,
+        set: &BlockSet,
+    ) -> Vec<HeldOutScores> {
         let residuals = self.residuals(pool, gram, set);
         residuals
             .iter()
@@ -104,7 +109,7 @@ impl<'a> Judge<'a> {
         pool: &BlockPool,
         gram: &Gram,
         set: &BlockSet,
-    ) -> Vec<Judged> {
+    ) -> Vec<HeldOutScores> {
         let count = set.members.len() + 1;
         let residuals = self.of_fits(count, pool, gram, set, |training| {
             match self.rows.without_each(pool, gram, set, training) {
@@ -161,7 +166,7 @@ impl<'a> Judge<'a> {
         residuals
     }
 
-    fn size(&self, residuals: &[f64]) -> Judged {
+    fn size(&self, residuals: &[f64]) -> HeldOutScores {
         let mut blocks = vec![(0.0, 0.0); self.blocks.count()];
         let mut sessions = vec![0; self.blocks.count()];
         for (row, residual) in residuals.iter().enumerate() {
@@ -183,7 +188,7 @@ impl<'a> Judge<'a> {
                 .map(|(block, _)| *block)
                 .collect()
         };
-        Judged {
+        HeldOutScores {
             all: HeldOut::of_blocks(&blocks),
             sessions: (first..last)
                 .map(|session| HeldOut::of_blocks(&of(session)))
@@ -193,7 +198,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-impl Judged {
+impl HeldOutScores {
     /// By how many standard errors of the paired differences of blocks this set leaves smaller residuals than another.
     fn gain(&self, than: &Self) -> f64 {
         let gains: Vec<f64> = (than.blocks.iter().zip(&self.blocks))
@@ -206,9 +211,9 @@ impl Judged {
     }
 
     /// Sizes session by session, with the names of those that judge.
-    pub(super) fn of_sessions(&self, before: &Self, names: &[String]) -> Vec<OfSession> {
+    pub(super) fn of_sessions(&self, before: &Self, names: &[String]) -> Vec<SessionGap> {
         (names.iter().zip(self.sessions.iter().zip(&before.sessions)))
-            .map(|(name, (after, before))| OfSession {
+            .map(|(name, (after, before))| SessionGap {
                 bag: name.clone(),
                 axis: None,
                 rms_before: before.rms,

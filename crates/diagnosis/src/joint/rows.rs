@@ -4,16 +4,16 @@
 //! its columns are nuisances that every fit contains. Metres, radians, seconds.
 
 use effects::effect::{Effect, Registration};
-use effects::finite::FiniteErrors;
-use effects::library::is_arm;
+use effects::finite_displacement::FiniteErrors;
 use effects::observation::{Column, Observations};
-use effects::session::{DiagnoseError, Session};
+use effects::session::{Session, SessionError};
+use effects::variant::is_arm;
 use effects::{candidate, library, observe, registry};
 use inference::linear::append;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Most touches that one session gives to a joint diagnosis; beyond, evenly spaced ones.
-const MOST_ROWS: usize = 4000;
+const MAX_ROWS: usize = 4000;
 
 /// Rounds in which the second order of the poses settles.
 const ROUNDS: usize = 3;
@@ -43,28 +43,28 @@ impl Joined {
     /// Lays out the rows of sessions of one machine.
     ///
     /// # Errors
-    /// [`DiagnoseError`] names the session that is unusable or belongs to another machine.
-    pub fn new(sessions: &[&Session]) -> Result<Self, DiagnoseError> {
-        let first = sessions.first().ok_or(DiagnoseError::NoPlan)?;
+    /// [`SessionError`] names the session that is unusable or belongs to another machine.
+    pub fn new(sessions: &[&Session]) -> Result<Self, SessionError> {
+        let first = sessions.first().ok_or(SessionError::NoPlan)?;
         let mut all: Option<Observations> = None;
         let mut touches = Vec::new();
         let mut references = Vec::new();
         let (mut features, mut indices) = (0, 0);
         for (number, session) in sessions.iter().enumerate() {
             if session.robot_description != first.robot_description {
-                return Err(DiagnoseError::OtherMachine(
+                return Err(SessionError::OtherMachine(
                     first.name.clone(),
                     session.name.clone(),
                 ));
             }
             if session.declared != first.declared {
-                return Err(DiagnoseError::OtherModel(
+                return Err(SessionError::OtherModel(
                     first.name.clone(),
                     session.name.clone(),
                 ));
             }
             let mut observed = observe(session)?;
-            let stride = observed.rows.len().div_ceil(MOST_ROWS).max(1);
+            let stride = observed.rows.len().div_ceil(MAX_ROWS).max(1);
             for (row, deviation) in observed
                 .rows
                 .drain(..)
@@ -101,7 +101,7 @@ impl Joined {
                 }
             }
         }
-        let mut observations = all.ok_or(DiagnoseError::NoPlan)?;
+        let mut observations = all.ok_or(SessionError::NoPlan)?;
         let mut session = Vec::with_capacity(touches.len() + references.len());
         for (row, deviation, number) in touches.into_iter().chain(references) {
             observations.rows.push(row);

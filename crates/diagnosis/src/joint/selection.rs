@@ -1,7 +1,7 @@
 //! Forward selection of effects by evidence, one at a time, then backward elimination.
 
 use super::blocks::BlockPool;
-use inference::evidence::SIZE_PRICE;
+use inference::evidence::LOG_OCCAM_FACTOR;
 use inference::gram::{BlockSet, Gram, Solution, active_columns, active_values, combination};
 
 use effects::observation::Observations;
@@ -96,7 +96,7 @@ impl Rows<'_> {
         Some(())
     }
 
-    /// Adds the nonlinear constants that best explain the residuals of a set.
+    /// Adds the nonlinear parameters that best explain the residuals of a set.
     fn scan(&self, pool: &mut BlockPool, gram: &mut Gram, solution: &Solution) {
         let gains = gram.gains_of(
             solution,
@@ -231,7 +231,7 @@ pub(super) fn least(gram: &Gram) -> f64 {
 
 /// Log price of choosing a block.
 pub(super) fn price(pool: &BlockPool, block: usize) -> f64 {
-    SIZE_PRICE + pool.blocks[block].price
+    LOG_OCCAM_FACTOR + pool.blocks[block].price
 }
 
 /// Coefficients where those in `own` are zero, from the mean of all and their covariance over that of the noise: the

@@ -14,7 +14,7 @@ use crate::report::{Effect, ParameterEstimate};
 const NOT_EXCLUDED: f64 = 4.6;
 
 /// An effect that leaves more of a change than this share, of the squares beyond what the parts scatter by, does not explain it.
-const MOST_LEFT: f64 = 0.25;
+const MAX_LEFT: f64 = 0.25;
 
 /// One way to explain a change.
 struct Explanation<'v> {
@@ -91,7 +91,7 @@ pub(super) fn cause(
     let first = group.first()?;
     let size = rms(change);
     let all = dot(&seen, &seen) - points.len() as f64;
-    if first.beyond > MOST_LEFT * all {
+    if first.beyond > MAX_LEFT * all {
         return None;
     }
     let weight = |one: &Explanation<'_>| (one.score - best).exp();

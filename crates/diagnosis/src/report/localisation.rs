@@ -5,7 +5,7 @@
 use crate::report::Place;
 use effects::observation::{Observations, Row};
 use inference::discrepancy::Kind;
-use inference::posterior::Attribution;
+use inference::posterior::ModelPosterior;
 
 /// An interval of a coordinate holds this share of the energy.
 const MOST: f64 = 0.8;
@@ -124,7 +124,7 @@ pub(crate) fn of_discrepancy(
 
 /// The discrepancy's part of the deviations, per row, for the best model with one.
 pub(crate) fn discrepancy_part(
-    attribution: &Attribution,
+    attribution: &ModelPosterior,
     model: usize,
 ) -> Option<(Kind, Vec<f64>)> {
     let model = &attribution.models[model];

@@ -10,7 +10,7 @@ use effects::observation::{Observations, Row};
 
 /// An axis as a picture needs it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct AxisOf {
+pub struct AxisLabel {
     /// Name.
     pub name: String,
     /// True: it turns, rad; false: it slides, m.
@@ -62,7 +62,7 @@ pub struct TouchResiduals {
     /// Names of the sessions that judge.
     pub sessions: Vec<String>,
     /// Axes of the machine.
-    pub axes: Vec<AxisOf>,
+    pub axes: Vec<AxisLabel>,
     /// Names of the features.
     pub features: Vec<String>,
     /// The touches, session by session in time.
@@ -77,7 +77,7 @@ pub struct DriveResiduals {
     /// Name of the session.
     pub session: String,
     /// The axis.
-    pub axis: AxisOf,
+    pub axis: AxisLabel,
     /// Unit of the compared quantity.
     pub unit: String,
     /// Times from the first sample, s.
@@ -174,8 +174,8 @@ pub(crate) fn touches(
     }
 }
 
-pub(crate) fn axis_of(name: &str, kind: JointKind) -> AxisOf {
-    AxisOf {
+pub(crate) fn axis_of(name: &str, kind: JointKind) -> AxisLabel {
+    AxisLabel {
         name: name.to_owned(),
         turns: kind == JointKind::Revolute,
     }

@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 
 use effects::motion::Scale;
 use inference::candidate::Candidate;
-use inference::evidence::Products;
-use inference::search::{EvidenceCache, Priors, Scored, default_beam_width, exchange_best, search};
+use inference::evidence::InnerProducts;
+use inference::search::{
+    EvidenceCache, Priors, ScoredSet, default_beam_width, exchange_best, search,
+};
 use metrology::statistics::median;
 use nalgebra::DMatrix;
 
@@ -25,7 +27,7 @@ const CLOSE: f64 = 3.0;
 /// A row that is farther off than this many robust standard deviations does not count: somebody held the machine.
 const STRAY: f64 = 7.0;
 /// Share of the rows that may be left out so.
-const MOST_STRAY: f64 = 0.1;
+const MAX_STRAY: f64 = 0.1;
 
 /// The most probable set and how probable each effect is.
 pub(super) struct Selected {
@@ -57,7 +59,7 @@ pub(super) fn select(rows: &Rows<'_>) -> Selected {
 fn strays(residuals: &[f64], active: &[bool]) -> Vec<usize> {
     let used: Vec<usize> = (0..active.len()).filter(|row| active[*row]).collect();
     let out = active.len() - used.len();
-    let room = ((active.len() as f64 * MOST_STRAY) as usize).saturating_sub(out);
+    let room = ((active.len() as f64 * MAX_STRAY) as usize).saturating_sub(out);
     let middle = median(&used.iter().map(|row| residuals[*row]).collect::<Vec<_>>());
     let off = |row: &usize| (residuals[*row] - middle).abs();
     let scale = 1.4826 * median(&used.iter().map(off).collect::<Vec<_>>());
@@ -291,14 +293,14 @@ impl Pool {
         pool
     }
 
-    fn search(&self, active: &[bool]) -> Vec<Scored> {
+    fn search(&self, active: &[bool]) -> Vec<ScoredSet> {
         let blocks: Vec<&[Vec<f64>]> = self
             .candidates
             .iter()
             .map(|one| one.block.as_slice())
             .collect();
         let plausible = self.candidates.iter().flat_map(|one| &one.plausible);
-        let products = Products::new(&blocks, &self.y, active).capped(plausible);
+        let products = InnerProducts::new(&blocks, &self.y, active).capped(plausible);
         let mut known = EvidenceCache::new();
         let mut found = search(&products, &self.priors, default_beam_width(), &mut known);
         exchange_best(&products, &self.priors, &mut found);
@@ -306,9 +308,9 @@ impl Pool {
     }
 
     /// Share of the probability of all sets found that holds each effect.
-    fn probabilities(&self, rows: &Rows<'_>, found: &[Scored]) -> BTreeMap<String, f64> {
+    fn probabilities(&self, rows: &Rows<'_>, found: &[ScoredSet]) -> BTreeMap<String, f64> {
         let best = found.first().map_or(0.0, |best| best.log_posterior);
-        let weight = |set: &Scored| (set.log_posterior - best).exp();
+        let weight = |set: &ScoredSet| (set.log_posterior - best).exp();
         let total: f64 = found.iter().map(weight).sum();
         let mut shares = BTreeMap::new();
         for limit in &rows.limits {

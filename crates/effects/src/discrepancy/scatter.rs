@@ -8,7 +8,7 @@ use crate::observation::{Observations, Pose, Row};
 /// Fewest touches of a group whose variance is estimated.
 const FEWEST: usize = 6;
 /// Largest number of feeds with a variance each.
-const MOST_FEEDS: usize = 4;
+const MAX_FEEDS: usize = 4;
 
 /// Indicators of each feature with enough, but less than half of all touches.
 pub(super) fn by_feature(observations: &Observations) -> Vec<Vec<f64>> {
@@ -56,7 +56,7 @@ pub(super) fn by_touch(observations: &Observations) -> Vec<Vec<f64>> {
         });
     }
     let feeds = observations.feeds();
-    if feeds.len() <= MOST_FEEDS {
+    if feeds.len() <= MAX_FEEDS {
         for feed in feeds {
             add(&|row| f64::from(u8::from(row.is_at(feed))));
         }

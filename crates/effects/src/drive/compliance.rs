@@ -12,8 +12,8 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use super::{Channel, Drive, acts_on, signals::derivative, term};
 use crate::drive::columns::DriveEffect;
 use crate::effect::{Constants, Definition, Effect, Instance};
-use crate::library::{Parameter, Variant, is_arm};
 use crate::observation::{Column, Observations, Pose};
+use crate::variant::{Parameter, Variant, is_arm};
 
 pub(super) struct Compliance;
 
@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn only_an_arm_yields_to_its_weight() {
-        let rows = crate::observe(&crate::specimen::session()).expect("rows");
+        let rows = crate::observe(&crate::test_session::session()).expect("rows");
         assert!(Compliance.offer(&rows).is_empty());
     }
 }

@@ -44,7 +44,7 @@ mod tests {
 
     #[test]
     fn it_follows_the_angle_of_a_rotary_axis_only() {
-        let chain = crate::specimen::chain();
+        let chain = crate::test_session::chain();
         let slide = signals();
         assert!(
             Gravity

@@ -2,9 +2,9 @@
 
 use machine::{Chain, motion::AxisLimits};
 
-use super::{Limit, MotionEffect, Moves, acts_on};
+use super::{MotionEffect, MotionParameter, Moves, acts_on};
 use crate::effect::{Definition, Effect, Instance};
-use crate::library::Parameter;
+use crate::variant::Parameter;
 
 /// A limit of each axis that is other than declared.
 pub(super) struct AxisLimit {
@@ -58,15 +58,15 @@ impl Effect for AxisLimit {
 
 impl MotionEffect for AxisLimit {
     /// One of each axis that moves.
-    fn limits(&self, moves: &Moves) -> Vec<Limit> {
+    fn limits(&self, moves: &Moves) -> Vec<MotionParameter> {
         let moving = (moves.axes.iter().enumerate()).filter(|(axis, _)| moves.is_moved(*axis));
         moving
             .map(|(axis, (name, turns))| {
                 let effect = Instance::on(name).id(self.id);
                 let what = (self.name, self.unit(*turns));
                 let limit = match (self.tried)(&moves.declared.axes()[axis]) {
-                    Tried::Around(declared) => Limit::around(effect, what, declared),
-                    Tried::Between(range) => Limit::between(effect, what, range),
+                    Tried::Around(declared) => MotionParameter::around(effect, what, declared),
+                    Tried::Between(range) => MotionParameter::between(effect, what, range),
                 };
                 limit.of_axis(axis, self.set)
             })

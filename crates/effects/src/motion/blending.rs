@@ -1,7 +1,7 @@
 //! `motion.blending`: the controller rounds corners, or stops exactly, other than declared. Successive positioning moves
 //! overlap by a share of the shorter of both ramps; a machine without declared ramps has none to share.
 
-use super::{Limit, MotionEffect, Moves, acts_on};
+use super::{MotionEffect, MotionParameter, Moves, acts_on};
 use crate::effect::{Definition, Effect, Instance};
 
 pub(super) struct Blending;
@@ -19,13 +19,14 @@ impl Effect for Blending {
 }
 
 impl MotionEffect for Blending {
-    fn limits(&self, moves: &Moves) -> Vec<Limit> {
+    fn limits(&self, moves: &Moves) -> Vec<MotionParameter> {
         let declared = moves.declared.program.blending;
         let shares = [0.0, 0.25, 0.5, 0.75, 1.0].into_iter();
         let tried = shares
             .filter(|share| (share - declared).abs() > 0.1)
             .collect();
-        let limit = Limit::linear(self.id(), ("blending", "1"), declared, tried, [0.0, 1.0]);
+        let limit =
+            MotionParameter::linear(self.id(), ("blending", "1"), declared, tried, [0.0, 1.0]);
         vec![limit.setting(|motion, value| motion.program.blending = value)]
     }
 

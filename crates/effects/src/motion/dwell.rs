@@ -1,6 +1,6 @@
 //! `motion.dwell`: the machine stands still after each touch. Every row takes longer by the same time.
 
-use super::{Limit, MotionEffect, Moves, acts_on};
+use super::{MotionEffect, MotionParameter, Moves, acts_on};
 use crate::effect::{Definition, Effect, Instance};
 
 /// Longest standstill, s.
@@ -21,10 +21,11 @@ impl Effect for Dwell {
 }
 
 impl MotionEffect for Dwell {
-    fn limits(&self, moves: &Moves) -> Vec<Limit> {
+    fn limits(&self, moves: &Moves) -> Vec<MotionParameter> {
         let declared = moves.declared.program.touch_dwell;
         let tried = vec![declared + 0.1];
-        let limit = Limit::linear(self.id(), ("dwell", "s"), declared, tried, [0.0, LONGEST]);
+        let limit =
+            MotionParameter::linear(self.id(), ("dwell", "s"), declared, tried, [0.0, LONGEST]);
         vec![limit.setting(|motion, value| motion.program.touch_dwell = value)]
     }
 

@@ -1,7 +1,7 @@
 //! `motion.latency`: the controller waits before each move. A row takes that much longer per move, its probing move
 //! included.
 
-use super::{Limit, MotionEffect, Moves, acts_on};
+use super::{MotionEffect, MotionParameter, Moves, acts_on};
 use crate::effect::{Definition, Effect, Instance};
 
 /// Longest delay, s.
@@ -22,10 +22,11 @@ impl Effect for Latency {
 }
 
 impl MotionEffect for Latency {
-    fn limits(&self, moves: &Moves) -> Vec<Limit> {
+    fn limits(&self, moves: &Moves) -> Vec<MotionParameter> {
         let declared = moves.declared.program.latency;
         let tried = vec![declared + 0.05];
-        let limit = Limit::linear(self.id(), ("latency", "s"), declared, tried, [0.0, LONGEST]);
+        let limit =
+            MotionParameter::linear(self.id(), ("latency", "s"), declared, tried, [0.0, LONGEST]);
         vec![limit.setting(|motion, value| motion.program.latency = value)]
     }
 

@@ -9,7 +9,7 @@ use probecell_msgs::{InspectionPlan, MachineState, MeasurementOrder, ProbeEvent,
 
 use super::probing::Probing;
 use super::track::Track;
-use crate::session::{DiagnoseError, Session, seconds};
+use crate::session::{Session, SessionError, seconds};
 
 /// The moves from one touch to the next.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +56,7 @@ pub struct Moves {
 pub enum MovesError {
     /// Machine, plan or events cannot be used.
     #[error(transparent)]
-    Session(#[from] DiagnoseError),
+    Session(#[from] SessionError),
     /// Neither an order nor axes over time.
     #[error(
         "the session has no measurement_order of plan `{0}`, and too few joint_states between its touches to see the moves"
@@ -151,11 +151,11 @@ pub fn moves(
     motion: &Motion,
 ) -> Result<Moves, MovesError> {
     if session.robot_description.is_empty() {
-        return Err(DiagnoseError::NoMachine.into());
+        return Err(SessionError::NoMachine.into());
     }
-    let chain = Chain::from_urdf(&session.robot_description).map_err(DiagnoseError::from)?;
-    let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
-    let nominal = Nominal::from_plan(plan).map_err(DiagnoseError::from)?;
+    let chain = Chain::from_urdf(&session.robot_description).map_err(SessionError::from)?;
+    let plan = session.plan.as_ref().ok_or(SessionError::NoPlan)?;
+    let nominal = Nominal::from_plan(plan).map_err(SessionError::from)?;
     let probing = Probing {
         chain: &chain,
         plan,
@@ -265,14 +265,14 @@ fn point_feed(plan: &InspectionPlan, event: &ProbeEvent) -> f64 {
 fn touches<'s>(
     session: &'s Session,
     probing: &Probing<'_>,
-) -> Result<Vec<(&'s ProbeEvent, Vec<f64>)>, DiagnoseError> {
+) -> Result<Vec<(&'s ProbeEvent, Vec<f64>)>, SessionError> {
     let of_plan = session
         .events
         .iter()
         .filter(|event| event.plan_id == probing.plan.plan_id);
     let mut found = of_plan
         .map(|event| Ok((event, touch_positions(probing.chain, probing.plan, event)?)))
-        .collect::<Result<Vec<_>, DiagnoseError>>()?;
+        .collect::<Result<Vec<_>, SessionError>>()?;
     found.sort_by_key(|(event, _)| event.sequence);
     found.dedup_by_key(|(event, _)| event.sequence);
     Ok(found)

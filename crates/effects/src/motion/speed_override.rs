@@ -1,7 +1,7 @@
 //! `motion.override`: an override slows down or speeds up rapid moves, probing moves, or both. Top speeds and feeds are
 //! multiplied, accelerations stay. Where the recorded axes show the feed of the probing moves, an override of it is what they show.
 
-use super::{Limit, MotionEffect, Moves, acts_on};
+use super::{MotionEffect, MotionParameter, Moves, acts_on};
 use crate::effect::{Definition, Effect, Instance};
 
 pub(super) struct SpeedOverride;
@@ -19,9 +19,10 @@ impl Effect for SpeedOverride {
 }
 
 impl MotionEffect for SpeedOverride {
-    fn limits(&self, moves: &Moves) -> Vec<Limit> {
+    fn limits(&self, moves: &Moves) -> Vec<MotionParameter> {
         let declared = moves.declared.program;
-        let around = |name, value| Limit::around(self.id().to_owned(), (name, "1"), value);
+        let around =
+            |name, value| MotionParameter::around(self.id().to_owned(), (name, "1"), value);
         let both = move |motion: &mut machine::Motion, factor: f64| {
             motion.program.rapid_override = declared.rapid_override * factor;
             motion.program.feed_override = declared.feed_override * factor;

@@ -6,7 +6,7 @@
 use machine::Chain;
 use probecell_msgs::InspectionPlan;
 
-use crate::session::{DiagnoseError, Session};
+use crate::session::{Session, SessionError};
 
 /// No machine reaches so far, m: numbers beyond are no lengths.
 const FAR: f64 = 1e3;
@@ -14,8 +14,8 @@ const FAR: f64 = 1e3;
 /// Checks a drive session against its machine.
 ///
 /// # Errors
-/// [`DiagnoseError`] names an axis that the machine lacks, or says that there is nothing to compare.
-pub fn drives(session: &Session) -> Result<(), DiagnoseError> {
+/// [`SessionError`] names an axis that the machine lacks, or says that there is nothing to compare.
+pub fn drives(session: &Session) -> Result<(), SessionError> {
     let chain = Chain::from_urdf(&session.robot_description)?;
     let topics = [
         ("joint_states", &session.joint_states),
@@ -24,7 +24,7 @@ pub fn drives(session: &Session) -> Result<(), DiagnoseError> {
     for (topic, messages) in topics {
         let named = messages.iter().flat_map(|message| &message.name);
         if let Some(axis) = unknown(&chain, named) {
-            return Err(DiagnoseError::Axis { topic, axis });
+            return Err(SessionError::Axis { topic, axis });
         }
     }
     let effort = session
@@ -32,15 +32,15 @@ pub fn drives(session: &Session) -> Result<(), DiagnoseError> {
         .iter()
         .any(|one| !one.effort.is_empty());
     if !effort && session.joint_commands.is_empty() {
-        return Err(DiagnoseError::NoPlan);
+        return Err(SessionError::NoPlan);
     }
     Ok(())
 }
 
 /// Checks the numbers of a plan and its events that no later step checks.
-pub(crate) fn touches(session: &Session, plan: &InspectionPlan) -> Result<(), DiagnoseError> {
+pub(crate) fn touches(session: &Session, plan: &InspectionPlan) -> Result<(), SessionError> {
     let far = |what: String, value: f64| {
-        (!(value.abs() < FAR)).then_some(DiagnoseError::Far { what, value })
+        (!(value.abs() < FAR)).then_some(SessionError::Far { what, value })
     };
     for (number, point) in plan.points.iter().enumerate() {
         let values = [
@@ -60,7 +60,7 @@ pub(crate) fn touches(session: &Session, plan: &InspectionPlan) -> Result<(), Di
                 let what = || format!("{field} of point {number} of plan `{}`", plan.plan_id);
                 if let Some(error) = far(what(), value * limit) {
                     return Err(match error {
-                        DiagnoseError::Far { what, .. } => DiagnoseError::Far { what, value },
+                        SessionError::Far { what, .. } => SessionError::Far { what, value },
                         other => other,
                     });
                 }
@@ -70,7 +70,7 @@ pub(crate) fn touches(session: &Session, plan: &InspectionPlan) -> Result<(), Di
         // 0 is what a plan without operations leaves unsaid.
         let unspecified = operations == 0 && point.operation == 0;
         if !unspecified && !(-1..operations as i32).contains(&point.operation) {
-            return Err(DiagnoseError::Operation {
+            return Err(SessionError::Operation {
                 point: number,
                 operation: point.operation,
                 operations,

@@ -6,23 +6,23 @@
 
 use probecell_msgs::{InspectionPlan, ReferenceMeasurement, builtin_interfaces::Time};
 
-use crate::session::{DiagnoseError, Session};
+use crate::session::{Session, SessionError};
 
 /// The first session with the touches of a later one.
 ///
 /// # Errors
-/// [`DiagnoseError`] where a session has no plan, or the two do not share machine, part pose and stylus.
-pub fn join(first: &Session, later: &Session) -> Result<Session, DiagnoseError> {
+/// [`SessionError`] where a session has no plan, or the two do not share machine, part pose and stylus.
+pub fn join(first: &Session, later: &Session) -> Result<Session, SessionError> {
     if first.robot_description != later.robot_description {
         let names = (first.name.clone(), later.name.clone());
-        return Err(DiagnoseError::OtherMachine(names.0, names.1));
+        return Err(SessionError::OtherMachine(names.0, names.1));
     }
     if first.declared != later.declared {
         let names = (first.name.clone(), later.name.clone());
-        return Err(DiagnoseError::OtherModel(names.0, names.1));
+        return Err(SessionError::OtherModel(names.0, names.1));
     }
-    let mut plan = first.plan.clone().ok_or(DiagnoseError::NoPlan)?;
-    let further = later.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
+    let mut plan = first.plan.clone().ok_or(SessionError::NoPlan)?;
+    let further = later.plan.as_ref().ok_or(SessionError::NoPlan)?;
     let same_stylus = plan.stylus.ball_center == further.stylus.ball_center
         && plan
             .stylus
@@ -33,7 +33,7 @@ pub fn join(first: &Session, later: &Session) -> Result<Session, DiagnoseError> 
         || !same_stylus
         || plan.rotary_names != further.rotary_names
     {
-        return Err(DiagnoseError::OtherPart(
+        return Err(SessionError::OtherPart(
             plan.plan_id.clone(),
             further.plan_id.clone(),
         ));

@@ -4,7 +4,7 @@ use machine::{Chain, Nominal, Target};
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{ProbeEvent, geometry_msgs, std_msgs};
 
-use crate::session::{DiagnoseError, Session, seconds};
+use crate::session::{Session, SessionError, seconds};
 
 /// Time between two touches of a plan that was not measured yet, s.
 pub const PACE: f64 = 8.0;
@@ -12,11 +12,11 @@ pub const PACE: f64 = 8.0;
 /// A session whose plan was not measured gets the touches of a perfect cell, at an even pace in the plan's order.
 ///
 /// # Errors
-/// [`DiagnoseError`] for a session without a machine or a plan that fits it.
-pub fn with_nominal_touches(session: &Session) -> Result<Session, DiagnoseError> {
-    let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
+/// [`SessionError`] for a session without a machine or a plan that fits it.
+pub fn with_nominal_touches(session: &Session) -> Result<Session, SessionError> {
+    let plan = session.plan.as_ref().ok_or(SessionError::NoPlan)?;
     if session.robot_description.is_empty() {
-        return Err(DiagnoseError::NoMachine);
+        return Err(SessionError::NoMachine);
     }
     if !session.events.is_empty() {
         return Ok(session.clone());

@@ -8,8 +8,8 @@
 use machine::{Chain, JointKind};
 
 use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
-use crate::library::{Variant, linear_axes};
 use crate::observation::{Column, Observations};
+use crate::variant::{Variant, linear_axes};
 
 /// How probable it is that the rotation vanishes at the axis's zero and not in the middle of the travel used.
 const FROM_ZERO: f64 = 0.2;
@@ -106,7 +106,7 @@ impl Angular {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     /// Yaw of the X carriage: the ball turns about where the carriage stands, or about the guideway's origin.
     #[test]

@@ -12,8 +12,8 @@ use machine::{Chain, JointKind};
 use nalgebra::{DMatrix, DVector};
 
 use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
-use crate::library::{Parameter, Variant};
 use crate::observation::{Observations, Pose};
+use crate::variant::{Parameter, Variant};
 
 use super::cyclic::distinct_positions;
 
@@ -192,7 +192,7 @@ fn covariance(places: usize) -> DMatrix<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::specimen::{predicts, session};
+    use crate::test_session::{predicts, session};
 
     /// Slides that stand at their targets, each approached from both sides: the side is that of the last move.
     #[test]

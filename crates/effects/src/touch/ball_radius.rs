@@ -4,7 +4,7 @@
 //! cut too large looks the same unless something else measured it.
 
 use crate::effect::{ActsOn, Definition, Effect, Subject};
-use crate::library::Variant;
+use crate::variant::Variant;
 use inference::discrepancy::Covariate;
 
 pub(super) struct BallRadius;
@@ -31,7 +31,7 @@ impl Effect for BallRadius {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn every_touch_reads_the_same_error() {

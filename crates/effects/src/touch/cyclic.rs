@@ -9,8 +9,8 @@ use std::f64::consts::TAU;
 use machine::{Chain, JointKind};
 
 use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
-use crate::library::{Form, Shape, Variant, linear_axes, linspace};
 use crate::observation::Observations;
+use crate::variant::{Form, Shape, Variant, linear_axes, linspace};
 
 /// Longest and shortest period that a screw or a scale has, m.
 const PERIODS: (f64, f64) = (0.04, 0.001);
@@ -102,7 +102,7 @@ impl Cyclic {
 fn spacing(observations: &Observations, axis: usize) -> f64 {
     let poses = observations.rows.iter().filter_map(|row| row.pose.as_ref());
     let positions = poses.map(|pose| pose.positions[axis]).collect();
-    let step = crate::timing::resolution(&[positions]).unwrap_or(0.0);
+    let step = crate::clock_check::resolution(&[positions]).unwrap_or(0.0);
     if 2.0 * step > PERIODS.1 { step } else { 0.0 }
 }
 
@@ -171,7 +171,7 @@ fn sweep(observations: &Observations, axis: usize, periods: &[f64]) -> Vec<Vec<V
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::specimen::{predicts, session};
+    use crate::test_session::{predicts, session};
 
     #[test]
     fn the_error_repeats_with_the_pitch() {

@@ -8,8 +8,8 @@ use inference::discrepancy::Covariate;
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
-use crate::library::{Shape, Variant, linspace, logspace, tools};
 use crate::observation::{Observations, Row};
+use crate::variant::{Shape, Variant, linspace, logspace, tools};
 
 pub(super) struct Deflection;
 
@@ -104,7 +104,7 @@ fn variants(tool: Option<u32>, high: f64) -> [Variant; 3] {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn a_cantilever_bends_with_the_third_power() {

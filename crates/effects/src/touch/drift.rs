@@ -7,9 +7,9 @@
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
-use crate::library::{Parameter, Shape, Variant, logspace};
 use crate::observation::Observations;
 use crate::thermal;
+use crate::variant::{Parameter, Shape, Variant, logspace};
 
 pub(super) struct Drift;
 
@@ -106,7 +106,7 @@ fn variant() -> Variant {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn what_warms_drifts_towards_its_place() {

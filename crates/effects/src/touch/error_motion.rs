@@ -10,8 +10,8 @@ use nalgebra::Vector3;
 
 use super::indexing::distinct_angles;
 use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
-use crate::library::{Variant, is_arm};
 use crate::observation::{Observations, Pose};
+use crate::variant::{Variant, is_arm};
 
 /// Fewest angles at which it is an effect of its own: at one or two, a run-out is a location error by another name.
 const FEWEST: usize = 3;
@@ -96,7 +96,7 @@ impl ErrorMotion {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     /// The table runs out along x of the foundation: it carries the part towards the ball.
     #[test]

@@ -4,8 +4,8 @@
 //! aligned. A part cut in this clamping shows none: it was cut in its displaced position.
 
 use crate::effect::{ActsOn, Definition, Effect, Registration, Subject};
-use crate::library::{ChainError, Variant};
 use crate::observation::Observations;
+use crate::variant::{ChainError, Variant};
 
 pub(super) struct FixtureShift;
 
@@ -37,7 +37,7 @@ impl Effect for FixtureShift {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn a_shifted_part_meets_the_ball_along_the_normal() {

@@ -4,8 +4,8 @@
 //! 20–200 µrad, up to a degree for a part that was not aligned. A part cut in this clamping shows none: it was cut in its tilted pose.
 
 use crate::effect::{ActsOn, Definition, Effect, Registration, Subject};
-use crate::library::{ChainError, Variant};
 use crate::observation::Observations;
+use crate::variant::{ChainError, Variant};
 
 pub(super) struct FixtureTilt;
 
@@ -44,7 +44,7 @@ const LARGEST: f64 = 2e-2;
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn a_tilted_part_lifts_its_far_side() {

@@ -11,8 +11,8 @@
 use machine::{Chain, JointKind};
 
 use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
-use crate::library::{Parameter, Variant};
 use crate::observation::Observations;
+use crate::variant::{Parameter, Variant};
 
 /// Fewest angles at which it is an effect of its own: at one only, a wrong angle is a location error by another name.
 const FEWEST: usize = 2;
@@ -131,7 +131,7 @@ pub(super) fn distinct_angles(observations: &Observations, axis: usize) -> usize
 #[cfg(test)]
 mod tests {
     use super::highest;
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     /// sin(3q) and cos(3q) at −20°, 0° and 50° are in the span of no sin(q), cos(q): the determinant of both and one of the
     /// others does not vanish.

@@ -5,8 +5,8 @@
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
-use crate::library::Variant;
 use crate::observation::Observations;
+use crate::variant::Variant;
 
 pub(super) struct Lag;
 
@@ -47,7 +47,7 @@ impl Lag {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn the_true_position_trails_the_approach() {

@@ -6,8 +6,8 @@
 use machine::{Chain, JointKind};
 
 use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
-use crate::library::{ChainError, Parameter, Variant};
 use crate::observation::Observations;
+use crate::variant::{ChainError, Parameter, Variant};
 
 /// The spindle's own angle: a location error there is a stylus error by another name.
 const SPINDLE: &str = "S";
@@ -90,7 +90,7 @@ impl Link {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     /// What a part turned by `angle` in the plane of the first and second axis, from one to the other, shows along a normal.
     fn turned(angle: f64, ball: (f64, f64), normal: (f64, f64)) -> f64 {

@@ -3,8 +3,8 @@
 //! d = alpha·ΔT·n·p about the part's origin, ΔT from the machine state's temperature `part`. 11–23 ppm/K for metals.
 
 use crate::effect::{ActsOn, Definition, Effect, Subject};
-use crate::library::Variant;
 use crate::observation::Observations;
+use crate::variant::Variant;
 
 pub(super) struct PartExpansion;
 
@@ -38,7 +38,7 @@ impl Effect for PartExpansion {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn a_warm_part_is_larger() {

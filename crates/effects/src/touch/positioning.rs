@@ -15,8 +15,8 @@ use nalgebra::DMatrix;
 
 use super::cyclic::{FEWEST, distinct_positions};
 use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
-use crate::library::{Parameter, Variant, linear_axes};
 use crate::observation::Observations;
+use crate::variant::{Parameter, Variant, linear_axes};
 
 /// Inner targets of the tables that are offered, with their prior weights. None is the usual way of an axis to err: a table
 /// follows any few touches, so that it must not decide which of them are outliers.
@@ -284,7 +284,7 @@ fn bend(bends: &DMatrix<f64>, target: usize, along: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::specimen::{predicts, session};
+    use crate::test_session::{predicts, session};
 
     #[test]
     fn the_error_is_interpolated_between_targets() {

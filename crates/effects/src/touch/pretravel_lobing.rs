@@ -7,8 +7,8 @@
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
-use crate::library::{Form, Parameter, Variant};
 use crate::observation::{Observations, Row};
+use crate::variant::{Form, Parameter, Variant};
 
 pub(super) struct PretravelLobing;
 
@@ -93,7 +93,7 @@ fn lobe(row: &Row, wave: impl Fn(f64) -> f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn three_lobes_turn_with_the_probe() {

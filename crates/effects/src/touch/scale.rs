@@ -6,8 +6,8 @@
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
-use crate::library::{Parameter, Variant, is_arm};
 use crate::observation::Observations;
+use crate::variant::{Parameter, Variant, is_arm};
 
 pub(super) struct Scale;
 
@@ -56,7 +56,7 @@ impl Scale {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn the_error_grows_from_the_zero_of_the_axis() {

@@ -7,8 +7,8 @@ use machine::Chain;
 use nalgebra::Vector3;
 
 use crate::effect::{ActsOn, Definition, Effect, Instance, Subject};
-use crate::library::{Parameter, Shape, Variant};
 use crate::observation::{Column, Observations, Pose, Row};
+use crate::variant::{Parameter, Shape, Variant};
 
 /// Instants tried; in longer sessions not every gap is.
 const FINEST: usize = 400;
@@ -125,7 +125,7 @@ fn variants(rows: &Observations) -> Vec<Variant> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::specimen::session;
+    use crate::test_session::session;
 
     #[test]
     fn without_times_nothing_slips() {

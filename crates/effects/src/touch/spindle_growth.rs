@@ -7,10 +7,10 @@
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
-use crate::library::{Shape, Variant, logspace};
 use crate::observation::Observations;
 use crate::sensors::{LAGS, SPINDLE_SPEED};
 use crate::thermal;
+use crate::variant::{Shape, Variant, logspace};
 
 pub(super) struct SpindleGrowth;
 
@@ -112,7 +112,7 @@ fn variant(trials: Vec<f64>) -> Variant {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn the_spindle_grows_towards_its_end() {
@@ -126,7 +126,7 @@ mod tests {
     /// The specimen's part warms from 22 °C; a sensor of another name would drive the spindle.
     #[test]
     fn the_spindle_follows_a_measured_temperature() {
-        let mut session = crate::specimen::session();
+        let mut session = crate::test_session::session();
         for (state, celsius) in session.machine_states.iter_mut().zip([20.0, 30.0]) {
             state.temperature_names = vec!["bearing".to_owned()];
             state.temperatures = vec![celsius];

@@ -8,8 +8,8 @@
 use machine::{Chain, JointKind};
 
 use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
-use crate::library::{Parameter, Variant, linear_axes};
 use crate::observation::{Observations, Pose};
+use crate::variant::{Parameter, Variant, linear_axes};
 
 pub(super) struct Straightness;
 
@@ -136,7 +136,7 @@ impl Straightness {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn the_slide_strays_by_a_parabola() {

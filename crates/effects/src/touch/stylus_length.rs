@@ -3,7 +3,7 @@
 //! d = −n·R(mount)·(0, 0, dz). Typical 2–50 µm.
 
 use crate::effect::{ActsOn, Definition, Effect, Registration, Subject};
-use crate::library::{ChainError, Variant};
+use crate::variant::{ChainError, Variant};
 
 pub(super) struct StylusLength;
 
@@ -29,7 +29,7 @@ impl Effect for StylusLength {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn a_longer_probe_is_seen_along_its_axis() {

@@ -4,7 +4,7 @@
 //! fixture.
 
 use crate::effect::{ActsOn, Definition, Effect, Registration, Subject};
-use crate::library::{ChainError, Variant};
+use crate::variant::{ChainError, Variant};
 
 pub(super) struct StylusOffset;
 
@@ -32,7 +32,7 @@ impl Effect for StylusOffset {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn the_offset_turns_with_the_spindle() {

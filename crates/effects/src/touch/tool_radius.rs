@@ -6,8 +6,8 @@ use inference::discrepancy::Covariate;
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
-use crate::library::{Variant, tools};
 use crate::observation::Observations;
+use crate::variant::{Variant, tools};
 
 pub(super) struct ToolRadius;
 
@@ -46,7 +46,7 @@ fn variant(tool: u32) -> Variant {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn only_what_the_tool_cut_is_large() {

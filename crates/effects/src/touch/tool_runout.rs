@@ -9,8 +9,8 @@ use inference::discrepancy::Covariate;
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
-use crate::library::{Parameter, Shape, Variant, linspace, tools};
 use crate::observation::{Observations, Row};
+use crate::variant::{Parameter, Shape, Variant, linspace, tools};
 
 pub(super) struct ToolRunout;
 
@@ -109,7 +109,7 @@ fn of_tool(tool: u32, high: f64, periods: Vec<f64>) -> [Variant; 3] {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn a_leaning_tool_cuts_less_at_its_shank() {

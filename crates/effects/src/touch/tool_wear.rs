@@ -6,8 +6,8 @@ use inference::discrepancy::Covariate;
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
-use crate::library::{Variant, tools};
 use crate::observation::Observations;
+use crate::variant::{Variant, tools};
 
 pub(super) struct ToolWear;
 
@@ -50,7 +50,7 @@ fn variant(tool: u32) -> Variant {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn material_grows_with_the_path_cut() {

@@ -3,8 +3,8 @@
 //! d = −v·tau. Typical 0.1–3 ms. At a single feed it is a ball radius.
 
 use crate::effect::{ActsOn, Definition, Effect, Subject};
-use crate::library::Variant;
 use crate::observation::Observations;
+use crate::variant::Variant;
 use inference::discrepancy::Covariate;
 
 pub(super) struct TriggerLatency;
@@ -37,7 +37,7 @@ impl Effect for TriggerLatency {
 
 #[cfg(test)]
 mod tests {
-    use crate::specimen::predicts;
+    use crate::test_session::predicts;
 
     #[test]
     fn the_error_is_feed_times_delay() {

@@ -4,12 +4,14 @@
 //! A measurement is told with each size, and again with each decision on one. It is ready once the whole of it is decided
 //! (`pass_decisions`), or its part has ended. What a reference contradicts later is told again.
 
-use feed::{Cause, Characteristic, Evaluation, Execution, Gap, Measured, Stage, State, Update};
 use metrology::conformance::{DecisionRule, Tolerance, nonconformity_probability};
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{
     FeatureResult, GapReport, InspectionPlan, MachineState, PartReport, PassDecision, PlanId,
     Verdict,
+};
+use telemetry::{
+    Cause, Characteristic, Evaluation, Execution, Gap, Measured, Stage, State, Update,
 };
 
 use super::{Size, Status, date_time, live::Sizes};

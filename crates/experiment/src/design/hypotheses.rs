@@ -14,9 +14,9 @@ use super::information::Prediction;
 use crate::proposal::Named;
 use effects::{Variant, candidate, second_order_candidate};
 use inference::candidate::Candidate;
-use inference::evidence::Products;
+use inference::evidence::InnerProducts;
 use inference::linear::add_scaled;
-use inference::posterior::{Attribution, Model};
+use inference::posterior::{Model, ModelPosterior};
 
 /// Models beyond this share of the posterior are left out.
 const COVERED: f64 = 0.995;
@@ -110,7 +110,7 @@ pub(crate) struct Source<'a> {
     /// The library.
     pub(crate) variants: &'a [Variant],
     /// The attribution of the rows taken.
-    pub(crate) attribution: &'a Attribution,
+    pub(crate) attribution: &'a ModelPosterior,
 }
 
 impl Source<'_> {
@@ -213,7 +213,7 @@ impl Table<'_> {
         }
         let views: Vec<&[Vec<f64>]> = blocks.iter().map(Vec::as_slice).collect();
         let all: Vec<usize> = (0..members.len()).collect();
-        let fit = Products::new(&views, &self.y, &self.active).fit(&all)?;
+        let fit = InnerProducts::new(&views, &self.y, &self.active).fit(&all)?;
         let columns: Vec<&[f64]> = blocks
             .iter()
             .flatten()
@@ -397,7 +397,7 @@ impl Table<'_> {
 }
 
 /// Variants and shapes with which an effect could substitute another: linear ones, shapes of the attribution, a few trials.
-fn substitutes(variants: &[Variant], attribution: &Attribution, name: &str) -> Vec<Member> {
+fn substitutes(variants: &[Variant], attribution: &ModelPosterior, name: &str) -> Vec<Member> {
     let mut substitutes = Vec::new();
     for (variant, own) in variants.iter().enumerate() {
         if own.effect != name {
@@ -427,7 +427,7 @@ fn substitutes(variants: &[Variant], attribution: &Attribution, name: &str) -> V
 }
 
 /// The smallest model within a model that is not refuted by it.
-fn simplest<'a>(attribution: &'a Attribution, model: &'a Model) -> &'a Model {
+fn simplest<'a>(attribution: &'a ModelPosterior, model: &'a Model) -> &'a Model {
     let mut best = model;
     while let Some(smaller) = attribution.models.iter().find(|other| {
         attribution.is_unknown(other) == attribution.is_unknown(best)

@@ -12,7 +12,7 @@ use crate::columns::Rows;
 use crate::linear::{add_scaled, project_out, scale, whiten};
 
 /// Directions whose power beside a basis is below this share of the largest are dropped.
-const LEAST_POWER: f64 = 1e-3;
+const MIN_POWER: f64 = 1e-3;
 /// A pivoted factorisation ends when no row keeps more than this share of the largest variance.
 const NEGLIGIBLE: f64 = 1e-3;
 
@@ -91,7 +91,7 @@ fn share(variance_ratio: f64) -> f64 {
 
 /// Columns projected onto the basis of a discrepancy.
 pub enum Projected<'a> {
-    /// Products of each column with the directions of a smooth process.
+    /// Inner products of each column with the directions of a smooth process.
     Smooth(DMatrix<f64>, &'a Tridiagonal),
     /// The columns, and the variances of the rows.
     Scatter(&'a DMatrix<f64>, &'a [f64]),
@@ -276,7 +276,7 @@ impl Discrepancy {
         }
         let (directions, powers) = leading(&columns);
         let kept: Vec<Vec<f64>> = (directions.row_iter().zip(&powers))
-            .filter(|&(_, &power)| power > LEAST_POWER * most)
+            .filter(|&(_, &power)| power > MIN_POWER * most)
             .map(|(column, _)| column.iter().copied().collect())
             .collect();
         (!kept.is_empty()).then(|| Self::new(self.kind.clone(), &kept, self.log_prior))

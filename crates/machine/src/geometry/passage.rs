@@ -17,7 +17,7 @@ const TURN: f64 = 0.1;
 /// The same where it is known how far the move leaves its chord.
 const FAR_TURN: f64 = 1.5;
 /// Most positions looked at on one move; a move that needs more is too near to a body all along.
-const MOST_POSITIONS: u32 = 20_000;
+const MAX_POSITIONS: u32 = 20_000;
 
 /// A move of the stylus that can be halved.
 pub(super) trait Move {
@@ -85,7 +85,7 @@ impl Passage<'_> {
     /// True when the stylus passes all bodies between two positions.
     pub(super) fn is_clear<M: Move>(&self, move_: &M, from: &M::At, to: &M::At) -> bool {
         let ends = [from, to].map(|at| self.look(move_, at));
-        let mut budget = MOST_POSITIONS;
+        let mut budget = MAX_POSITIONS;
         self.halve(move_, [from, to], [&ends[0], &ends[1]], &mut budget)
     }
 

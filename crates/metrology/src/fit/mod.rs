@@ -9,22 +9,22 @@
 //! first order). What these fits do not do: reject outliers ([`robust`]), touch the
 //! points ([`zone`]), or judge the result.
 
-mod axial;
+mod circle_sphere;
 mod cloud;
+mod cylinder_cone;
 mod enclosing;
 mod linear_program;
 mod moments;
+mod plane;
 mod refine;
 pub mod robust;
-mod round;
 mod shapes;
-mod straight;
 pub mod zone;
 
-pub use axial::{cone, cylinder, cylinder_about};
-pub use round::{circle, sphere};
+pub use circle_sphere::{circle, sphere};
+pub use cylinder_cone::{cone, cylinder, cylinder_about};
+pub use plane::plane;
 pub use shapes::{Circle, Cone, Cylinder, Plane, Shape, Sphere};
-pub use straight::plane;
 
 use cloud::frame_about;
 use nalgebra::{DMatrix, Matrix3, Vector3};

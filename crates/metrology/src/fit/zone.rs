@@ -13,12 +13,12 @@
 use nalgebra::{Const, DimAdd, DimMin, DimSum, SVector, U1, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::axial::{Axial, Straight, Tapered};
+use super::circle_sphere::{Ball, PlaneCircle};
 use super::cloud::{Cloud, frame_about, is_canonical};
+use super::cylinder_cone::{Axial, Straight, Tapered};
 use super::enclosing::smallest_enclosing;
 use super::linear_program::{Inequality, minimise};
 use super::refine::Model;
-use super::round::{Ball, PlaneCircle};
 use super::{Circle, Cone, Cylinder, Fit, FitError, Plane, Point, Shape, Sphere, spread};
 
 /// What a round shape has to touch.

@@ -2,9 +2,9 @@
 //! that cluster, lists of them cannot say in which order clusters are visited.
 //!
 //! Clusters are the connected parts of the graph of nearest points; a plate without gaps is one, and nothing is added.
-//! Which clusters are near each other is decided as for points ([`near::select`]), by the shortest move between them.
+//! Which clusters are near each other is decided as for points ([`neighbours::select`]), by the shortest move between them.
 
-use super::near::{self, Near};
+use super::neighbours::{self, Near};
 use crate::costs::CostMatrix;
 
 /// Shortest moves kept from one cluster to a near one, each from another point.
@@ -50,7 +50,7 @@ pub(super) fn between_clusters(
             .filter(|&other| other as usize != cluster)
             .map(|other| (other, distance(cluster as u32, other) as i32))
             .collect();
-        for (other, _) in near::select(others, LOOK, distance) {
+        for (other, _) in neighbours::select(others, LOOK, distance) {
             let mut moves: Vec<(i32, u32, u32)> = members
                 .iter()
                 .map(|&here| {
@@ -77,7 +77,7 @@ fn clusters(near: &Near) -> (Vec<u32>, usize) {
     const NONE: u32 = u32::MAX;
     let mut mutual = vec![Vec::new(); near.len()];
     for here in 0..near.len() as u32 {
-        for &(there, _) in near.of(here).iter().take(near::NEAREST) {
+        for &(there, _) in near.of(here).iter().take(neighbours::NEAREST) {
             mutual[here as usize].push(there);
             mutual[there as usize].push(here);
         }

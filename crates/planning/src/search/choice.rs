@@ -7,7 +7,7 @@
 use std::cell::Cell;
 
 use super::Cooling;
-use super::grid::Grid;
+use super::integer_costs::IntegerCosts;
 use super::ring::{MOST, Ring};
 
 /// Points to either side of a changed one whose poses are chosen with its own.
@@ -24,7 +24,7 @@ pub(super) trait Moves {
     const BREADTH: [usize; MOST - 2];
     /// How the acceptance of kicked rings cools down.
     const COOLING: Cooling;
-    fn grid(&self) -> &Grid;
+    fn grid(&self) -> &IntegerCosts;
     fn cost(&self, here: u32, there: u32) -> i64;
     /// Near points, by the least that a move to them costs, which is given with each.
     fn near(&self, here: u32) -> &[(u32, i32)];
@@ -45,7 +45,7 @@ pub(super) trait Moves {
 
 /// Points with one pose each: point and pose have the same number.
 pub(super) struct Plain<'a> {
-    grid: &'a Grid,
+    grid: &'a IntegerCosts,
     /// Cost to the nearest candidate of each point.
     least: Vec<i64>,
     /// Costs asked for last: of each point, to [`CACHED`] others by the last digits of their numbers.
@@ -53,7 +53,7 @@ pub(super) struct Plain<'a> {
 }
 
 impl<'a> Plain<'a> {
-    pub(super) fn new(grid: &'a Grid) -> Self {
+    pub(super) fn new(grid: &'a IntegerCosts) -> Self {
         let nearest = |point| grid.near(point).first().map_or(0, |near| i64::from(near.1));
         Self {
             grid,
@@ -71,7 +71,7 @@ impl Moves for Plain<'_> {
         power: 0.4,
     };
 
-    fn grid(&self) -> &Grid {
+    fn grid(&self) -> &IntegerCosts {
         self.grid
     }
 
@@ -119,7 +119,7 @@ impl Moves for Plain<'_> {
 
 /// Points with alternatives. The near poses of the grid are points here.
 pub(super) struct Chosen<'a> {
-    grid: &'a Grid,
+    grid: &'a IntegerCosts,
     /// The pose of each point.
     visited: Vec<u32>,
     log: Vec<(u32, u32)>,
@@ -129,7 +129,7 @@ pub(super) struct Chosen<'a> {
 }
 
 impl<'a> Chosen<'a> {
-    pub(super) fn new(grid: &'a Grid) -> Self {
+    pub(super) fn new(grid: &'a IntegerCosts) -> Self {
         Self {
             grid,
             visited: (0..grid.points() as u32).collect(),
@@ -166,7 +166,7 @@ impl Moves for Chosen<'_> {
         cold: 0.03,
     };
 
-    fn grid(&self) -> &Grid {
+    fn grid(&self) -> &IntegerCosts {
         self.grid
     }
 

@@ -10,7 +10,7 @@
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::RngCore;
 
-use super::grid::Grid;
+use super::integer_costs::IntegerCosts;
 use super::{Cooling, Kicked, Path};
 
 /// Longest stretch that a kick rearranges.
@@ -26,7 +26,7 @@ const KICK_DRAWS: usize = 20;
 const SEGMENT: usize = 3;
 
 pub(super) struct Directed<'a> {
-    grid: &'a Grid,
+    grid: &'a IntegerCosts,
     order: Vec<u32>,
     /// Position of each point.
     position: Vec<u32>,
@@ -43,7 +43,7 @@ pub(super) struct Directed<'a> {
 }
 
 impl<'a> Directed<'a> {
-    pub(super) fn new(grid: &'a Grid, order: Vec<u32>) -> Self {
+    pub(super) fn new(grid: &'a IntegerCosts, order: Vec<u32>) -> Self {
         let mut path = Self {
             grid,
             length: grid.length(&order),

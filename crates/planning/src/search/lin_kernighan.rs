@@ -8,7 +8,7 @@
 
 use super::choice::Moves;
 use super::exchange::{Exchange, closes};
-use super::near::Near;
+use super::neighbours::Near;
 use super::ring::{MOST, Ring};
 
 /// Most exchanges of a sequence.

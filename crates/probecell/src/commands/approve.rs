@@ -4,7 +4,7 @@ use std::path::Path;
 
 use cell::keys::{KeyError, KeyFolder, operator_key};
 use probecell_msgs::{Correction, srv};
-use trust::approval;
+use signatures::approval;
 
 use crate::{
     cell_client::{CellClient, print_reply},

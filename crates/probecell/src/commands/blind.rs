@@ -6,8 +6,8 @@ use std::path::Path;
 
 use anyhow::Context;
 use indicatif::ProgressBar;
-use recorded::write;
 use serde_json::{Map, Value, json};
+use session_io::write;
 use validation::blind::card::{Card, Judged, TRIALS, Trial, judge};
 use validation::blind::{Stage, session_on};
 

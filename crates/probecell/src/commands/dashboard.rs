@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use cell::{Cell, TransportName, keys::KeyFolder};
-use dashboard::{Desk, Pages, Settings};
+use dashboard::{ActionEndpoint, Pages, Settings};
 use host::bus::{BusConfig, ROUTER_ENDPOINT};
 
 use crate::{
@@ -143,7 +143,7 @@ pub(super) fn buses(
 }
 
 /// Cells that take acts: those whose key is here. Without one nothing that is signed could be for this cell.
-fn desks(cells: &[Cell]) -> anyhow::Result<Vec<Desk>> {
+fn desks(cells: &[Cell]) -> anyhow::Result<Vec<ActionEndpoint>> {
     let mut desks = Vec::new();
     for cell in cells
         .iter()
@@ -164,7 +164,7 @@ fn desks(cells: &[Cell]) -> anyhow::Result<Vec<Desk>> {
                 continue;
             }
         };
-        desks.push(Desk {
+        desks.push(ActionEndpoint {
             cell: name.clone(),
             key: folder.public()?,
             // Whether the router has a private socket is seen when it runs.

@@ -180,7 +180,7 @@ pub(super) fn read(path: &Path, arguments: &Arguments) -> anyhow::Result<Session
         Some(path) => Some(Cell::read(path)?.model.effects),
         None => None,
     };
-    Ok(output::with_remarks(recorded::measured(
+    Ok(output::with_remarks(session_io::measured(
         path,
         &measurement,
         model.as_deref(),

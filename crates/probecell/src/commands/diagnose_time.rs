@@ -8,7 +8,7 @@ use cell::Cell;
 use diagnosis::{Options, Report, Residuals, Session, diagnose_time};
 use machine::{Chain, Motion, RawMotion};
 use probecell_msgs::MeasurementOrder;
-use recorded::{embedded, plain};
+use session_io::{embedded, plain};
 
 use crate::output;
 

@@ -12,7 +12,7 @@ use graph::topics;
 use probecell_msgs::{
     FeatureResult, ProbeEvent, ReferenceMeasurement, ToolOffsets, TouchDeviation, geometrical,
 };
-use recorded::record::{Reader, gather};
+use session_io::record::{Reader, gather};
 
 use crate::output;
 

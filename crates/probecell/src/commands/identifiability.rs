@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::ensure;
 use bags::{Bag, Measurement};
 use cell::Cell;
-use diagnosis::{DiagnoseError, Session};
+use diagnosis::{Session, SessionError};
 use experiment::identifiability::{
-    DIAGNOSIS, Identifiability, Pair, ParameterLimit, Question, identifiability,
+    DIAGNOSIS, DetectionOptions, Identifiability, Pair, ParameterLimit, identifiability,
 };
 
 use probecell_msgs::{ProbeEvent, ProbingMove};
@@ -59,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     } else {
         of_bag(&arguments.plan)?
     };
-    let question = Question {
+    let question = DetectionOptions {
         noise: noise * 1e-6,
         risk,
         power,
@@ -67,7 +67,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let name = plan_name(&session);
     let mut answer = match identifiability(&session, &question) {
         // The plan does not say in which posture an arm touches: the order does.
-        Err(DiagnoseError::TooFew(..)) if is_cell(&arguments.plan) => {
+        Err(SessionError::TooFew(..)) if is_cell(&arguments.plan) => {
             identifiability(&in_order(session, &arguments.plan)?, &question)?
         }
         answer => answer?,

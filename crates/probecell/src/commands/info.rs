@@ -5,9 +5,9 @@ use std::path::Path;
 use anyhow::Context;
 use bags::{Bag, Gap, Info, Sealed, verify_seals};
 use serde::Serialize;
-use trust::PublicKey;
+use signatures::PublicKey;
 
-use recorded::embedded::KEY_FILE;
+use session_io::embedded::KEY_FILE;
 
 use super::record::sealing;
 use crate::{FAILED, GOOD, LOSS, output};

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use cell::keys::{KeyFolder, new_operator_key};
 use clap::Subcommand;
 use serde_json::json;
-use trust::PublicKey;
+use signatures::PublicKey;
 
 use crate::{DEFAULT_CELL, GOOD, output, ros_arguments::read_cell};
 

@@ -19,9 +19,9 @@ use bags::Bag;
 use cell::Cell;
 use controllers::driver::Role;
 use exchange::export::opcua::Results;
-use feed::Update;
 use graph::topics::{self, Topic};
 use probecell_msgs::{CdrError, from_cdr};
+use telemetry::Update;
 
 use super::{companion, dashboard, following::follow};
 use crate::{DEFAULT_CELL, FAILED, GOOD, confined, output, signals};
@@ -91,9 +91,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 fn recording(address: SocketAddr, path: &Path) -> anyhow::Result<u8> {
     let bag = Bag::open(path)?;
     let damage = bag.verify();
-    let namespace = recorded::record::namespace(&bag, path)?;
+    let namespace = session_io::record::namespace(&bag, path)?;
     let name = namespace.trim_start_matches('/');
-    let cell = recorded::embedded::cell(&bag)?;
+    let cell = session_io::embedded::cell(&bag)?;
     let mut results = Results::new(name, cell.as_ref().map(is_simulated));
     let topics = READ.map(|topic| format!("{namespace}/{}", topic.name));
     let names = topics.each_ref().map(String::as_str);
@@ -186,7 +186,7 @@ fn start(address: SocketAddr) -> anyhow::Result<(Child, Line)> {
 
 /// Whose results, what there is already, and that it is to listen.
 fn begin(line: &Line, name: &str, told: Vec<Update>) {
-    let cell = Update::Cell(feed::Cell {
+    let cell = Update::Cell(telemetry::Cell {
         name: name.to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
     });
@@ -201,7 +201,7 @@ fn tell(line: &Line, told: impl IntoIterator<Item = Update>) {
     let mut line = lock(line);
     for update in told {
         if let Some(pipe) = line.as_mut()
-            && pipe.write_all(feed::line(&update).as_bytes()).is_err()
+            && pipe.write_all(telemetry::line(&update).as_bytes()).is_err()
         {
             *line = None;
         }

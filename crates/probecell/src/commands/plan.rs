@@ -9,8 +9,8 @@ use graph::Stamp;
 use machine::{Chain, Nominal};
 use path_planning::Planned;
 use probecell_msgs::{InspectionPlan, PlanProgress};
-use recorded::evaluation::{Features, evaluate};
 use serde_json::json;
+use session_io::evaluation::{Features, evaluate};
 
 use crate::{GOOD, output, ros_arguments::read_cell};
 
@@ -22,7 +22,7 @@ pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
         of_bag(&Bag::open(source)?, None, &|_| true)?
     };
     if as_json {
-        output::json(&recorded::order::json(&planned)?)?;
+        output::json(&session_io::order::json(&planned)?)?;
         return Ok(status);
     }
     let Planned { plan, order } = planned;
@@ -75,14 +75,14 @@ pub(crate) fn part_of(cell: &Cell, allowance: f64) -> anyhow::Result<InspectionP
     Ok(shown(|progress| cell.inspection_plan(allowance, progress))?)
 }
 
-/// What [`recorded::order::measuring_order`] finds, with progress on a terminal, and the exit status.
+/// What [`session_io::order::measuring_order`] finds, with progress on a terminal, and the exit status.
 pub(crate) fn of_bag(
     bag: &Bag,
     clearance: Option<(usize, f64)>,
     wanted: &dyn Fn(u32) -> bool,
 ) -> anyhow::Result<(Planned, u8)> {
     let (planned, damage) =
-        shown(|progress| recorded::order::measuring_order(bag, clearance, wanted, progress))?;
+        shown(|progress| session_io::order::measuring_order(bag, clearance, wanted, progress))?;
     Ok((planned, output::damage(&damage)))
 }
 

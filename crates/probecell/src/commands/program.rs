@@ -15,7 +15,7 @@ use machine::{Chain, JointKind};
 use path_planning::Planned;
 use probecell_msgs::{InspectionPlan, MeasurementOrder};
 
-use recorded::embedded;
+use session_io::embedded;
 
 use super::{
     controller_files::{axes, touched_points},

@@ -23,8 +23,8 @@ use probecell_msgs::{
     PartStatus, RecordingStatus, Service, builtin_interfaces::Time, from_cdr, is_unprintable, srv,
     to_cdr,
 };
-use recorded::embedded::{CELL_FILE, KEY_FILE, PROVENANCE, ROBOT_FILE};
-use trust::{Act, Kind, PublicKey, SecretKey};
+use session_io::embedded::{CELL_FILE, KEY_FILE, PROVENANCE, ROBOT_FILE};
+use signatures::{Act, Kind, PublicKey, SecretKey};
 
 use crate::{
     GOOD, LOSS, cell_bus, confined, output,

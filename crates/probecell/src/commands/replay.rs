@@ -15,7 +15,7 @@ use probecell_msgs::from_cdr;
 use serde_json::json;
 
 use crate::{FAILED, GOOD, LOSS, output};
-use recorded::embedded;
+use session_io::embedded;
 
 /// Replays the bag. A bag without step journals is computed from its plan and touches alone.
 pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use recorded::{record, sizes};
+use session_io::{record, sizes};
 
 use crate::output;
 

@@ -20,10 +20,10 @@ use exchange::import::{Counts, Imported};
 use graph::Stamp;
 use machine::{Chain, Nominal};
 use probecell_msgs::{FeatureResult, InspectionPlan, ProbeEvent};
-use recorded::embedded;
-use recorded::evaluation::{Features, evaluate};
-use recorded::sizes::conformity;
 use serde_json::{Value, json};
+use session_io::embedded;
+use session_io::evaluation::{Features, evaluate};
+use session_io::sizes::conformity;
 
 use super::{
     controller_files::{axes, read_results},

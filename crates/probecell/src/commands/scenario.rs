@@ -11,7 +11,7 @@ use serde_json::{Map, json};
 use validation::scenarios::{Judged, Run, Scenario, Value};
 
 use crate::{FAILED, GOOD, output};
-use recorded::write;
+use session_io::write;
 
 /// What the user asks for.
 #[derive(clap::Subcommand)]

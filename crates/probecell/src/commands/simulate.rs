@@ -6,7 +6,7 @@ use anyhow::Context;
 use diagnosis::{Options, diagnose_with_residuals};
 use validation::predictive::{Predictive, USUAL_DRAWS};
 
-use recorded::write;
+use session_io::write;
 
 use super::diagnose;
 use crate::{FAILED, GOOD, output};

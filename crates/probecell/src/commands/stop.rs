@@ -4,7 +4,7 @@ use std::path::Path;
 
 use cell::keys::{KeyFolder, operator_key};
 use probecell_msgs::{OperatorRequest, srv};
-use trust::{Act, Kind};
+use signatures::{Act, Kind};
 
 use crate::{FAILED, GOOD, cell_client::call_once, output, ros_arguments::read_cell};
 

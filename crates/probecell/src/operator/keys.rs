@@ -9,7 +9,7 @@ use host::{
     bus_qos,
 };
 use probecell_msgs::to_cdr;
-use trust::{SecretKey, operators};
+use signatures::{SecretKey, operators};
 
 /// Between two looks at the folder of keys.
 const PERIOD: Duration = Duration::from_millis(500);

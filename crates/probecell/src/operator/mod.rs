@@ -49,7 +49,7 @@ use self::{
     state::{OperatorState, PartNews, lock},
 };
 pub(crate) use self::{console::described, diagnostics::ProcessState};
-use recorded::embedded;
+use session_io::embedded;
 
 use crate::{cell_bus::CellFailure, output, ros_arguments};
 

@@ -14,7 +14,7 @@ use super::{
 };
 
 /// Points of one series beyond which a plot shows fewer: paper shows no more.
-const MOST_POINTS: usize = 2500;
+const MAX_POINTS: usize = 2500;
 /// A series of so many points has them drawn larger.
 const FEW_POINTS: usize = 40;
 /// Share of the shorter side of the plot that the longest arrow takes.
@@ -355,7 +355,7 @@ fn draw(
         }
         Series::Points { label, points } => {
             let all = scaled(points);
-            let stride = all.len().div_ceil(MOST_POINTS).max(1);
+            let stride = all.len().div_ceil(MAX_POINTS).max(1);
             let dots = all.into_iter().step_by(stride);
             let style = colour.mix(0.8).filled();
             let size = if points.len() > FEW_POINTS { 2 } else { 3 };
@@ -425,10 +425,10 @@ fn draw(
 
 /// The lowest and highest point of each of many short pieces: what an eye sees of a long line.
 fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    if points.len() <= MOST_POINTS {
+    if points.len() <= MAX_POINTS {
         return points;
     }
-    let piece = points.len().div_ceil(MOST_POINTS / 2);
+    let piece = points.len().div_ceil(MAX_POINTS / 2);
     points
         .chunks(piece)
         .flat_map(|piece| {

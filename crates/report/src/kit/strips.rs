@@ -44,7 +44,7 @@ const NAMES: u32 = 110;
 /// Letters of a name that fit into that room.
 const LETTERS: usize = 16;
 /// Values of one kind beyond which fewer are shown.
-const MOST_VALUES: usize = 2500;
+const MAX_VALUES: usize = 2500;
 
 impl Strips {
     /// True when there is nothing to draw.
@@ -123,7 +123,7 @@ impl Strips {
             .filter(|(row, value)| *row < self.rows.len() && value.is_finite())
             .map(|(row, value)| (*row, value * factor))
             .collect();
-        let stride = known.len().div_ceil(MOST_VALUES).max(1);
+        let stride = known.len().div_ceil(MAX_VALUES).max(1);
         let style = colour.mix(0.6).filled();
         let at = |&(row, value): &(usize, f64)| (value, row as f64 + height);
         let dots = known.iter().step_by(stride).map(at);

@@ -12,7 +12,7 @@ const MOST: f64 = 0.98;
 /// After the effects the arrows get a scale of their own when they shrink by more than this.
 const SHRUNK: f64 = 3.0;
 /// Rows of a picture by feature.
-const MOST_FEATURES: usize = 40;
+const MAX_FEATURES: usize = 40;
 
 /// Adds the pictures of one comparison.
 pub(crate) fn pictures(page: &mut Page, touches: &TouchResiduals) -> Result<(), PlotError> {
@@ -174,11 +174,11 @@ fn by_name(touches: &TouchResiduals) -> Vec<Strips> {
                 .any(|touch| touch.feature == *feature)
         })
         .collect();
-    let shown: Vec<String> = (used.iter().take(MOST_FEATURES))
+    let shown: Vec<String> = (used.iter().take(MAX_FEATURES))
         .map(|&feature| features[feature].clone())
         .collect();
-    let caption = if used.len() > MOST_FEATURES {
-        format!("The first {MOST_FEATURES} of {} features.", used.len())
+    let caption = if used.len() > MAX_FEATURES {
+        format!("The first {MAX_FEATURES} of {} features.", used.len())
     } else {
         String::new()
     };

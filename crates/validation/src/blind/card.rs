@@ -17,7 +17,7 @@ use super::{Content, Outsider, Stage, Truth, session_on};
 pub use deleted::Deleted;
 use diagnosis::report::{Effect, Report, Verdict};
 use diagnosis::{Options, diagnose_with_residuals};
-use effects::session::DiagnoseError;
+use effects::session::SessionError;
 
 /// Effects that are set aside rather than blamed when they stand beside others.
 const STRAY: &str = "data.outliers";
@@ -149,8 +149,8 @@ fn is_flagged(report: &Report) -> bool {
 /// Makes a session, diagnoses it and opens its seal.
 ///
 /// # Errors
-/// [`DiagnoseError`] when the diagnosis refuses the session.
-pub fn judge(stage: &Stage, seed: u64, trial: Trial) -> Result<Judged, DiagnoseError> {
+/// [`SessionError`] when the diagnosis refuses the session.
+pub fn judge(stage: &Stage, seed: u64, trial: Trial) -> Result<Judged, SessionError> {
     let (sealed, truth) = session_on(stage, seed, trial.content());
     let begun = Instant::now();
     let (mut report, by_truth) = diagnose_with_residuals(&sealed, &Options::default())?;

@@ -12,7 +12,7 @@ use super::plant::Plant;
 use super::scene::{Axis, Feature, Given, Reference, Scene, Shape, Touch};
 use effects::observation::Row;
 use effects::observe;
-use effects::session::{DiagnoseError, Session, seconds};
+use effects::session::{Session, SessionError, seconds};
 
 /// Axes that put a ball anywhere without turning it.
 const LINEAR: usize = 3;
@@ -20,13 +20,13 @@ const LINEAR: usize = 3;
 /// The scene of a session.
 ///
 /// # Errors
-/// [`DiagnoseError`] for a session that could not be diagnosed either.
-pub(super) fn scene(session: &Session) -> Result<Scene, DiagnoseError> {
+/// [`SessionError`] for a session that could not be diagnosed either.
+pub(super) fn scene(session: &Session) -> Result<Scene, SessionError> {
     let observations = observe(&Session {
         declared: Vec::new(),
         ..session.clone()
     })?;
-    let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
+    let plan = session.plan.as_ref().ok_or(SessionError::NoPlan)?;
     let chain = &observations.chain;
     let (part_axes, behind_part) = axes(chain, Side::Part);
     let (tool_axes, mount) = axes(chain, Side::Tool);

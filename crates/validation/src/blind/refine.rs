@@ -13,7 +13,7 @@ use super::{Content, Truth, measure, session};
 use diagnosis::report::{Explanation, Report};
 use diagnosis::{Options, diagnose};
 use effects::session::joined::join;
-use effects::session::{DiagnoseError, Session};
+use effects::session::{Session, SessionError};
 use experiment::next::{Effort, ProposalOptions, random_plan};
 use probecell_msgs::InspectionPlan;
 
@@ -56,8 +56,8 @@ pub struct Trial {
 /// Makes a session, and where it is not right and sure measures `touches` more in three ways.
 ///
 /// # Errors
-/// [`DiagnoseError`] when a made session cannot be diagnosed.
-pub fn trial(seed: u64, content: Content, touches: usize) -> Result<Trial, DiagnoseError> {
+/// [`SessionError`] when a made session cannot be diagnosed.
+pub fn trial(seed: u64, content: Content, touches: usize) -> Result<Trial, SessionError> {
     let (sealed, truth) = session(seed, content);
     let options = Options {
         next: ProposalOptions {
@@ -86,7 +86,7 @@ pub fn trial(seed: u64, content: Content, touches: usize) -> Result<Trial, Diagn
     if trial.start {
         return Ok(trial);
     }
-    let after = |plan: Option<InspectionPlan>, salt: u64| -> Result<Report, DiagnoseError> {
+    let after = |plan: Option<InspectionPlan>, salt: u64| -> Result<Report, SessionError> {
         let Some(plan) = plan else {
             return Ok(before.clone());
         };

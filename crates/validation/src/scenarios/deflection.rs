@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use metrology::cut::LengthError;
+use metrology::cut_model::LengthError;
 use report::{Axis, Plot, Series, Unit};
 
 use crate::scenarios::turn_mill::{ProbeState, Punch, make};

@@ -3,7 +3,7 @@
 //! The plant's equation alone, and the turn-mill cell with and without its spring pass: a cut with unchanged offsets
 //! whose measurement shows the part of the error that a correction may take off. µm on the diameter.
 
-use metrology::cut::Plant;
+use metrology::cut_model::CutModel;
 use probecell_msgs::Verdict;
 use report::{Axis, Plot, Series, Unit};
 
@@ -63,7 +63,7 @@ fn course(part: &Punch) -> Result<(Vec<f64>, String), ScenarioError> {
 }
 
 fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
-    let plant = Plant {
+    let plant = CutModel {
         tool_error: 0.0,
         elastic_share: SHARE,
     };

@@ -25,10 +25,10 @@ pub enum ScenarioError {
     SizeGap(#[from] metrology::size_gap::SizeGapError),
     /// A ball passed beside the part.
     #[error(transparent)]
-    Miss(#[from] metrology::probe::ProbeMiss),
+    Miss(#[from] metrology::probe_model::ProbeMiss),
     /// A length error was asked of a part without length.
     #[error(transparent)]
-    Length(#[from] metrology::cut::LengthInvalid),
+    Length(#[from] metrology::cut_model::LengthInvalid),
     /// The cell of the scenario could not be made.
     #[error(transparent)]
     Cell(#[from] cell::CellError),
@@ -49,7 +49,7 @@ pub enum ScenarioError {
     Reach(#[from] machine::ReachError),
     /// A recorded session could not be diagnosed.
     #[error(transparent)]
-    Diagnosis(#[from] diagnosis::DiagnoseError),
+    Diagnosis(#[from] diagnosis::SessionError),
     /// A link error was misnamed.
     #[error(transparent)]
     Link(#[from] machine::LinkNameError),

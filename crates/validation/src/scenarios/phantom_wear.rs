@@ -4,7 +4,7 @@
 //! known diameter tells the two causes apart: it is read with the probe, but no tool has cut it. µm.
 
 use metrology::decision::DecisionLimits;
-use metrology::probe::Probe;
+use metrology::probe_model::Probe;
 use nalgebra::Vector3;
 use probecell_msgs::{InspectionFeature, Verdict};
 use rand::SeedableRng;

@@ -7,7 +7,7 @@ use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, GateHeartbeat, MachineState,
     OperationRequest, OperatorKeys, PartReport, PartStatus, ProbeEvent, RecordingStatus,
 };
-use trust::{Approval, SecretKey, Trust};
+use signatures::{Approval, SecretKey, Trust};
 
 use super::{Findings, Invariant, read};
 use crate::traffic::Taken;

@@ -4,7 +4,7 @@ use graph::{Stamp, topics};
 use probecell_msgs::{
     ControllerCommand, ControllerStatus, Correction, OperatorKeys, PartReport, PartStatus, from_cdr,
 };
-use trust::{Approval, SecretKey, Trust};
+use signatures::{Approval, SecretKey, Trust};
 
 use super::{
     PERIOD, Search,

@@ -12,7 +12,7 @@ const SECTION: f64 = 0.2e-3;
 /// Fewest touches of a section, and of a plane, whose form is known: one more than its parameters.
 const LEAST: usize = 4;
 /// Fewest touches of a cylinder whose form is known.
-const LEAST_CYLINDER: usize = 6;
+const MIN_CYLINDER: usize = 6;
 /// Steps of a golden-section search, which narrows an interval by 0.618 in each.
 const STEPS: usize = 60;
 /// Half width in which the free direction of a plane is sought, rad.
@@ -113,7 +113,7 @@ fn flatness(own: &Touched<'_>) -> Result<f64, String> {
 }
 
 fn cylindricity(own: &Touched<'_>, radius: f64) -> Result<f64, String> {
-    if own.samples.len() < LEAST_CYLINDER {
+    if own.samples.len() < MIN_CYLINDER {
         return Err(few(own));
     }
     feature::form(own.feature, radius, &own.samples, Criterion::MinimumZone)

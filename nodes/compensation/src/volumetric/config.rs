@@ -1,7 +1,7 @@
 //! Settings of `[compensation.volumetric]`.
 
 use machine::{Chain, LinkError, LinkNameError};
-use machining::calibration::{Limits, Probe};
+use machining::location_errors::{Limits, Probe};
 use serde::Deserialize;
 
 use crate::passes::Passes;

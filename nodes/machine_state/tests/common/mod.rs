@@ -3,7 +3,7 @@
 use graph::Stamp;
 use machine_state::{Config, RawConfig};
 use probecell_msgs::{ControllerStatus, Correction};
-use trust::{SecretKey, Trust, approval};
+use signatures::{SecretKey, Trust, approval};
 
 /// Settings as they are without any, where the cell's own approvals count.
 pub(crate) fn config() -> Config {

@@ -1,7 +1,7 @@
 //! Why a part cannot be measured.
 
-use super::raw::MOST_POSES;
-use crate::error::{MOST_TOUCHES, MOST_TURNS};
+use super::raw::MAX_POSES;
+use crate::error::{MAX_TOUCHES, MAX_TURNS};
 
 /// A part that cannot be measured.
 #[derive(Debug, thiserror::Error)]
@@ -10,7 +10,7 @@ pub enum PartError {
     #[error("part.{0} must be a finite number{1}")]
     Number(String, &'static str),
     /// An angle that no machine turns to.
-    #[error("part.{key} = {degrees} is not within {MOST_TURNS} turns of 0, ±{}°", 360.0 * MOST_TURNS)]
+    #[error("part.{key} = {degrees} is not within {MAX_TURNS} turns of 0, ±{}°", 360.0 * MAX_TURNS)]
     Turns {
         /// The key.
         key: String,
@@ -18,7 +18,7 @@ pub enum PartError {
         degrees: f64,
     },
     /// More touches than an order is searched for.
-    #[error("part.features have {0} touches together, more than {MOST_TOUCHES} in one order")]
+    #[error("part.features have {0} touches together, more than {MAX_TOUCHES} in one order")]
     TooManyTouches(usize),
     /// An unknown kind of feature.
     #[error("feature {feature:?}: kind {kind:?} is none of plane, cylinder, bore, sphere, profile")]
@@ -99,7 +99,7 @@ pub enum PartError {
     #[error("part.indexing_offsets_deg is given, but no part.indexing_axis")]
     Offsets,
     /// Too many poses.
-    #[error("{place} has {given} poses besides the first, more than {MOST_POSES}")]
+    #[error("{place} has {given} poses besides the first, more than {MAX_POSES}")]
     Poses {
         /// The part or feature.
         place: String,

@@ -11,7 +11,7 @@ use super::{
 };
 
 /// Most touches along one profile.
-const MOST_TOUCHES: usize = 10_000;
+const MAX_TOUCHES: usize = 10_000;
 
 /// Nominal point (m) and outward normal, part frame.
 type Touch = (Vector3<f64>, Vector3<f64>);
@@ -135,9 +135,9 @@ impl RawFeature {
             "features.control_points_mm",
             self.control_points_mm.as_flattened(),
         )?;
-        if self.touches > MOST_TOUCHES {
+        if self.touches > MAX_TOUCHES {
             return Err(refused(format!(
-                "{} touches along a profile are more than {MOST_TOUCHES}",
+                "{} touches along a profile are more than {MAX_TOUCHES}",
                 self.touches
             )));
         }

@@ -13,7 +13,7 @@ use crate::rules::Held;
 /// Axes that can place and turn a probe.
 const ARM: usize = 6;
 /// Most turns about the stem that are tried.
-const MOST_TURNS: usize = 72;
+const MAX_TURNS: usize = 72;
 
 impl RawPart {
     /// How the probe may be held for each feature; `None` where the axes that the plan does not prescribe cannot turn it.
@@ -34,7 +34,7 @@ impl RawPart {
         if free != ARM {
             return Ok(None);
         }
-        if !(1..=MOST_TURNS).contains(&(self.stem_turns as usize)) {
+        if !(1..=MAX_TURNS).contains(&(self.stem_turns as usize)) {
             return Err(PartError::Number("stem_turns".to_owned(), " from 1 to 72"));
         }
         let even = (0..self.stem_turns)
@@ -51,7 +51,7 @@ impl RawPart {
                 return Err(PartError::NoStem(raw.id.clone()));
             }
             turns("stem_turns_deg", &raw.stem_turns_deg)?;
-            if raw.stem_turns_deg.len() > MOST_TURNS {
+            if raw.stem_turns_deg.len() > MAX_TURNS {
                 return Err(PartError::Number(
                     "stem_turns_deg".to_owned(),
                     ", at most 72 of them",

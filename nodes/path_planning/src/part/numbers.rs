@@ -4,7 +4,7 @@ use nalgebra::{Unit, Vector3};
 use probecell_msgs::geometry_msgs;
 
 use super::error::PartError;
-use crate::error::MOST_TURNS;
+use crate::error::MAX_TURNS;
 
 /// Largest length (mm), angle (deg) or feed (mm/min) that is taken: far beyond any machine.
 const LARGEST: f64 = 1e9;
@@ -20,7 +20,7 @@ pub(super) fn finite(key: &str, values: &[f64]) -> Result<(), PartError> {
 
 /// Refuses angles (deg) of a rotary axis that are many turns away.
 pub(super) fn turns(key: &str, degrees: &[f64]) -> Result<(), PartError> {
-    let most = 360.0 * MOST_TURNS;
+    let most = 360.0 * MAX_TURNS;
     match degrees.iter().find(|angle| !(angle.abs() <= most)) {
         None => Ok(()),
         Some(&degrees) => Err(PartError::Turns {

@@ -6,7 +6,7 @@ use nalgebra::{Unit, Vector3};
 use super::{
     error::PartError,
     numbers::{finite, turns},
-    raw::{MOST_POSES, RawFeature, RawPart},
+    raw::{MAX_POSES, RawFeature, RawPart},
 };
 use crate::solver::Poses;
 
@@ -95,7 +95,7 @@ impl RawPart {
     pub(super) fn check_poses(&self) -> Result<(), PartError> {
         let few = |place: &str, given: usize| {
             let place = place.to_owned();
-            let few = given <= MOST_POSES;
+            let few = given <= MAX_POSES;
             few.then_some(()).ok_or(PartError::Poses { place, given })
         };
         turns("indexing_offsets_deg", &self.indexing_offsets_deg)?;

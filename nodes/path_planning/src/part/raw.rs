@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 /// Most poses at which one point may be touched.
-pub(super) const MOST_POSES: usize = 32;
+pub(super) const MAX_POSES: usize = 32;
 
 /// As written.
 #[derive(Clone, Debug, Deserialize)]

@@ -10,7 +10,7 @@ use probecell_msgs::Message;
 use probecell_msgs::geometry_msgs::PoseStamped;
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::std_msgs::{Bool, Header};
-use recorded::import;
+use session_io::import;
 
 use super::super::plan;
 use super::{OutArguments, Source, write};

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail, ensure};
 use cell::{Cell, CellText};
 use exchange::import::{features, touches};
-use recorded::import;
+use session_io::import;
 
 use super::super::plan;
 use super::{OutArguments, Source, TableArguments, text_of, write};

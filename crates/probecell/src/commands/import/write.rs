@@ -7,9 +7,9 @@ use exchange::import::{Counts, Imported};
 use graph::Stamp;
 use machine::Chain;
 use probecell_msgs::{FeatureResult, PartReport, TouchDeviation};
-use recorded::embedded::PROVENANCE;
-use recorded::evaluation::evaluate;
-use recorded::write;
+use session_io::embedded::PROVENANCE;
+use session_io::evaluation::evaluate;
+use session_io::write;
 
 use super::super::plan;
 use crate::{GOOD, LOSS, output};
@@ -113,7 +113,7 @@ pub(in super::super) fn write_session(
         run_id: plan.plan_id.clone(),
         ..PartReport::default()
     });
-    let session = recorded::import::session(imported);
+    let session = session_io::import::session(imported);
     let more = write::More {
         touches: &touches,
         results: &results,
@@ -145,13 +145,13 @@ fn attachments(source: &Source) -> anyhow::Result<Vec<(String, &'static str, Vec
     if let Some(cell) = &source.cell {
         let text = cell.cell.clone().into_bytes();
         all.push((
-            recorded::embedded::CELL_FILE.to_owned(),
+            session_io::embedded::CELL_FILE.to_owned(),
             "application/toml",
             text,
         ));
         let robot = cell.robot_description.clone().into_bytes();
         all.push((
-            recorded::embedded::ROBOT_FILE.to_owned(),
+            session_io::embedded::ROBOT_FILE.to_owned(),
             "application/xml",
             robot,
         ));

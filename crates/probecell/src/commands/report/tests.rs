@@ -8,8 +8,8 @@ use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, LossReport,
     Message, OperatorReply, OperatorRequest, PartReport, Verdict, from_cdr, to_cdr,
 };
-use recorded::record::gather;
 use roxmltree::{Document, Node, ParsingOptions};
+use session_io::record::gather;
 
 use super::*;
 

@@ -5,8 +5,8 @@
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector2, Vector3, Vector4};
 
 use super::cloud::Cloud;
+use super::plane::best_normal;
 use super::refine::{Model, inverse, refine};
-use super::straight::best_normal;
 use super::{Circle, Fit, FitError, Point, Shape, Sphere, frame_about, spread};
 
 /// Passes over the points before a fit is given up.

@@ -7,8 +7,8 @@
 use machine::{Chain, ChainErrors};
 use nalgebra::Vector3;
 
-use crate::library::{ChainError, Variant};
 use crate::observation::Observations;
+use crate::variant::{ChainError, Variant};
 
 /// Errors of the chain at definite values.
 pub struct FiniteErrors {

@@ -15,7 +15,7 @@ use crate::design::candidates::{between, feed_range, met, other_feed, places, pr
 use crate::design::extended_rows::{CandidateTouch, ExtendedRows};
 use effects::observation::{Observations, Row};
 use effects::session::perfect::{PACE, with_nominal_touches};
-use effects::session::{DiagnoseError, Session};
+use effects::session::{Session, SessionError};
 use effects::{Variant, candidate, observe};
 
 /// Touches that a remedy adds at most.
@@ -26,7 +26,7 @@ const SPINDLE: &str = "S";
 /// A completion of a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Remedy {
+pub enum PlanExtension {
     /// Places again at another feed.
     AnotherFeed,
     /// Places again at other positions of the rotary axes.
@@ -43,17 +43,17 @@ pub enum Remedy {
     Reference,
 }
 
-const ALL: [Remedy; 7] = [
-    Remedy::AnotherFeed,
-    Remedy::AnotherIndex,
-    Remedy::SpindleReversal,
-    Remedy::Artefact,
-    Remedy::Revisit,
-    Remedy::FinerSpacing,
-    Remedy::Reference,
+const ALL: [PlanExtension; 7] = [
+    PlanExtension::AnotherFeed,
+    PlanExtension::AnotherIndex,
+    PlanExtension::SpindleReversal,
+    PlanExtension::Artefact,
+    PlanExtension::Revisit,
+    PlanExtension::FinerSpacing,
+    PlanExtension::Reference,
 ];
 
-impl Remedy {
+impl PlanExtension {
     /// In words.
     pub fn advice(self) -> &'static str {
         match self {
@@ -150,10 +150,10 @@ fn other_angle(angle: f64, order: usize, axis: usize, met: &[Vec<f64>]) -> f64 {
 /// The plan with the touches of a remedy appended; as it is for a reference, which adds none.
 ///
 /// # Errors
-/// [`DiagnoseError`] names what makes the plan unusable on its machine.
-pub fn complete(session: &Session, remedy: Remedy) -> Result<InspectionPlan, DiagnoseError> {
+/// [`SessionError`] names what makes the plan unusable on its machine.
+pub fn complete(session: &Session, remedy: PlanExtension) -> Result<InspectionPlan, SessionError> {
     let session = with_nominal_touches(session)?;
-    let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
+    let plan = session.plan.as_ref().ok_or(SessionError::NoPlan)?;
     let observations = observe(&session)?;
     let wanted = remedy.wanted(&observations, plan);
     let extended = ExtendedRows::new(&observations, plan, wanted);
@@ -186,19 +186,19 @@ impl<'a> Remedies<'a> {
     }
 
     /// Remedies that add something here, with the number of their touches.
-    pub(super) fn all(&self) -> impl Iterator<Item = (Remedy, usize)> {
+    pub(super) fn all(&self) -> impl Iterator<Item = (PlanExtension, usize)> {
         ALL.into_iter().filter_map(|remedy| {
             let rows = self.laid(remedy)?.observations.rows.len();
             Some((remedy, rows - self.observations.rows.len()))
         })
     }
 
-    fn laid(&self, remedy: Remedy) -> Option<&ExtendedRows> {
+    fn laid(&self, remedy: PlanExtension) -> Option<&ExtendedRows> {
         let index = ALL.iter().position(|known| *known == remedy)?;
         let lay = || {
             let wanted = remedy.wanted(self.observations, self.plan);
             let mut extended = ExtendedRows::new(self.observations, self.plan, wanted);
-            if remedy == Remedy::Reference {
+            if remedy == PlanExtension::Reference {
                 let rows = &mut extended.observations.rows;
                 let further = rows[..extended.first].to_vec();
                 rows.extend(further.into_iter().map(|row| Row { pose: None, ..row }));
@@ -209,7 +209,7 @@ impl<'a> Remedies<'a> {
     }
 
     /// Correlation of two spans over the completed plan.
-    pub(super) fn correlation(&self, remedy: Remedy, a: &Span, b: &Span) -> Option<f64> {
+    pub(super) fn correlation(&self, remedy: PlanExtension, a: &Span, b: &Span) -> Option<f64> {
         let rows = &self.laid(remedy)?.observations;
         let block = |span: &Span| {
             candidate(rows, self.variants, span.variant, span.shape)

@@ -1,6 +1,6 @@
-//! What an effect is made of: variants, their linear parameters and one nonlinear constant.
+//! What an effect is made of: variants, their linear parameters and one nonlinear parameter.
 //!
-//! An effect offers variants: linear columns, perhaps with one nonlinear constant (a period, a time constant, an
+//! An effect offers variants: linear columns, perhaps with one nonlinear parameter (a period, a time constant, an
 //! exponent, an instant) that is profiled. Columns come from the chain's derivatives at each touch, never from patterns
 //! drawn by hand. Metres, radians, seconds, kelvins.
 
@@ -103,7 +103,7 @@ impl Form {
     }
 }
 
-/// The nonlinear constant of a variant.
+/// The nonlinear parameter of a variant.
 #[derive(Debug, Clone)]
 pub struct Shape {
     /// Its name in reports.
@@ -129,7 +129,7 @@ pub struct Variant {
     pub parameters: Vec<Parameter>,
     /// How they are reported.
     pub form: Form,
-    /// Nonlinear constant, if there is one.
+    /// Nonlinear parameter, if there is one.
     pub shape: Option<Shape>,
     /// Constants that are not fitted: name, value, unit.
     pub constants: Vec<(&'static str, f64, &'static str)>,
@@ -170,7 +170,7 @@ impl Variant {
         }
     }
 
-    /// A variant with a nonlinear constant; `build` takes its value.
+    /// A variant with a nonlinear parameter; `build` takes its value.
     pub fn shaped(
         effect: impl Into<String>,
         parameters: Vec<Parameter>,

@@ -10,7 +10,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::near::Near;
+use super::neighbours::Near;
 
 /// Rounds of the ascent.
 const ROUNDS: usize = 60;

@@ -308,7 +308,7 @@ pub fn fit_indicator(readings: &[(f64, f64)]) -> Result<IndicatorFit, IndicatorE
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::probe::Probe;
+    use crate::probe_model::Probe;
 
     fn readings(offset_x: f64, offset_y: f64) -> Vec<(f64, f64)> {
         (0..36)

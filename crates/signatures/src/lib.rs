@@ -17,7 +17,7 @@
 //!
 //! ```
 //! use probecell_msgs::{Correction, builtin_interfaces::Time};
-//! use trust::{SecretKey, Trust, approval};
+//! use signatures::{SecretKey, Trust, approval};
 //!
 //! let cell = SecretKey::from_seed([1; 32]);
 //! let mut correction = Correction {

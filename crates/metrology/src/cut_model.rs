@@ -9,14 +9,14 @@ use thiserror::Error;
 
 /// A tool that cuts wrong by a constant and by a share of the depth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Plant {
+pub struct CutModel {
     /// w: size left beyond the command, m.
     pub tool_error: f64,
     /// κ: share of the depth of cut (on diameter) that springs back, dimensionless.
     pub elastic_share: f64,
 }
 
-impl Default for Plant {
+impl Default for CutModel {
     fn default() -> Self {
         Self {
             tool_error: 20e-6,
@@ -25,7 +25,7 @@ impl Default for Plant {
     }
 }
 
-impl Plant {
+impl CutModel {
     /// D_new = cmd + w + κ(D_old − cmd − w) in m where the tool meets material, else D_old.
     pub fn cut(&self, commanded: f64, before: f64) -> f64 {
         let path = commanded + self.tool_error;
@@ -86,7 +86,7 @@ mod tests {
     /// A.4, hazard 2: κ = 0.035, depth 0.5 on diameter.
     #[test]
     fn compensating_spring_back_overshoots_and_a_spring_pass_does_not() {
-        let plant = Plant {
+        let plant = CutModel {
             tool_error: 0.0,
             elastic_share: 0.035,
         };
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn a_tool_that_meets_no_material_changes_nothing() {
-        assert_eq!(Plant::default().cut(0.02, 0.02), 0.02);
+        assert_eq!(CutModel::default().cut(0.02, 0.02), 0.02);
     }
 
     #[test]

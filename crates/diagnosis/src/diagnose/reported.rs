@@ -3,8 +3,8 @@
 //! Metres; parameters in the effects' own units.
 
 use inference::candidate::Candidate;
+use inference::cross_validation::HeldOut;
 use inference::discrepancy::Kind;
-use inference::held_out::HeldOut;
 use inference::posterior::Model;
 
 use super::reporter::{REFUTED, Reporter, rms};

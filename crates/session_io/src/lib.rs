@@ -15,7 +15,7 @@
 //!
 //! ```no_run
 //! use bags::Measurement;
-//! use recorded::{Measured, measured};
+//! use session_io::{Measured, measured};
 //!
 //! let Measured { session, remarks } = measured("session.mcap".as_ref(), &Measurement::Last, None)?;
 //! println!("{} touches, {} remarks", session.events.len(), remarks.len());

@@ -3,7 +3,7 @@
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::RngCore;
 
-use super::near::Near;
+use super::neighbours::Near;
 use crate::costs::CostMatrix;
 use crate::problem::Checked;
 

@@ -12,9 +12,9 @@ use crate::report::Report;
 
 /// Parameters that are left out, by effect.
 #[derive(Debug, Default)]
-pub(crate) struct Impossible(BTreeMap<String, Vec<String>>);
+pub(crate) struct ExcludedParameters(BTreeMap<String, Vec<String>>);
 
-impl Impossible {
+impl ExcludedParameters {
     /// The variants without the parameters that are left out; a variant of which none is left is not offered.
     pub(crate) fn left_out(&self, variants: Vec<Variant>) -> Vec<Variant> {
         let kept = |variant: Variant| {

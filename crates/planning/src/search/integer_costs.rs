@@ -1,7 +1,7 @@
 //! Holds a problem in the form the search wants: integer costs, a first and a last point, near neighbours.
 
-use super::ascent::most_promising;
-use super::near::{Near, select};
+use super::alpha_nearness::most_promising;
+use super::neighbours::{Near, select};
 use crate::costs::CostMatrix;
 use crate::problem::Checked;
 
@@ -22,7 +22,7 @@ const CLOSING: i32 = -(1 << 30);
 
 /// What is near a pose.
 #[derive(Clone, Copy)]
-pub(super) enum Lists<'a> {
+pub(super) enum NeighbourLists<'a> {
     /// The points most likely adjacent in a shortest ring, found among these, and those across these bridges between
     /// clusters; both are in the caller's numbers: where all points are plain and moves symmetric.
     Promising(&'a Near, &'a [(u32, u32, i32)]),
@@ -35,7 +35,7 @@ pub(super) enum Lists<'a> {
 /// Integer costs between poses and, where an end is free, a dummy pose. Poses are numbered along a short path, so
 /// that near poses lie near each other in memory too; alternatives not on that path come last. The rules speak of
 /// points, numbered like their pose on that path.
-pub(super) struct Grid {
+pub(super) struct IntegerCosts {
     /// The caller's index of each pose; dummies have none.
     labels: Vec<Option<usize>>,
     points: usize,
@@ -148,9 +148,9 @@ fn joined(mut near: Vec<(u32, i32)>, others: &[(u32, i32)]) -> Vec<(u32, i32)> {
     near
 }
 
-impl Grid {
+impl IntegerCosts {
     /// `beginning` is the order of poses by which the points are numbered; it becomes 0, 1, 2, …
-    pub(super) fn new(problem: &Checked, beginning: &[usize], lists: Lists) -> Self {
+    pub(super) fn new(problem: &Checked, beginning: &[usize], lists: NeighbourLists) -> Self {
         let costs = problem.costs;
         let head = problem.start.is_none().then_some(None);
         let tail = problem.end.is_none().then_some(None);
@@ -188,7 +188,7 @@ impl Grid {
             rules,
         };
         match lists {
-            Lists::Promising(near, bridges) => {
+            NeighbourLists::Promising(near, bridges) => {
                 let number = grid.numbers();
                 let near = grid.renumber(near, &number);
                 let bridges = grid.renumber_bridges(bridges, &number);
@@ -201,13 +201,13 @@ impl Grid {
                     .collect();
                 grid.after = promising;
             }
-            Lists::Poses => {
+            NeighbourLists::Poses => {
                 grid.after = grid.nearest(Self::cost);
                 if !grid.symmetric {
                     grid.before = Some(grid.nearest(|grid, here, there| grid.cost(there, here)));
                 }
             }
-            Lists::Points => grid.after = grid.nearest_points(),
+            NeighbourLists::Points => grid.after = grid.nearest_points(),
         }
         grid
     }

@@ -2,11 +2,11 @@
 //! server reads them; it needs neither the bus nor a key of the cell.
 //!
 //! ```
-//! use feed::{State, Update};
+//! use telemetry::{State, Update};
 //!
-//! let line = feed::line(&Update::State(State { execution: feed::Execution::Running, at: 1_767_225_600_000_000_000 }));
+//! let line = telemetry::line(&Update::State(State { execution: telemetry::Execution::Running, at: 1_767_225_600_000_000_000 }));
 //! assert!(line.ends_with('\n'));
-//! assert!(matches!(feed::read(&line), Ok(Update::State(state)) if state.execution == feed::Execution::Running));
+//! assert!(matches!(telemetry::read(&line), Ok(Update::State(state)) if state.execution == telemetry::Execution::Running));
 //! ```
 //!
 //! Lengths are m, stamps ns since 1970. A number that is not known or not finite is absent.

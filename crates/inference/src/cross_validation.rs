@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use metrology::statistics::coverage_factor;
 
 use crate::candidate::Candidate;
-use crate::evidence::{Fit, Products};
+use crate::evidence::{Fit, InnerProducts};
 
 /// Number of folds.
 const FOLDS: usize = 8;
@@ -68,18 +68,18 @@ impl TouchBlocks {
         let set: Vec<usize> = (0..candidates.len()).collect();
         let fold_of = |row: usize| self.of[row].map_or(folds, |block| block % folds);
         // References are in no fold: they always train.
-        let parts: Vec<Products> = (0..=folds)
+        let parts: Vec<InnerProducts> = (0..=folds)
             .map(|fold| {
                 let in_fold: Vec<bool> = (0..y.len())
                     .map(|row| active[row] && fold_of(row) == fold)
                     .collect();
-                Products::new(&blocks, y, &in_fold)
+                InnerProducts::new(&blocks, y, &in_fold)
             })
             .collect();
         let fits: Vec<Option<Fit>> = (0..folds)
             .map(|fold| {
                 let training = parts.iter().enumerate().filter(|(other, _)| *other != fold);
-                Products::combined(training.map(|(_, part)| part))?.fit(&set)
+                InnerProducts::combined(training.map(|(_, part)| part))?.fit(&set)
             })
             .collect();
         for row in 0..y.len() {

@@ -27,7 +27,7 @@ const FALSE_REJECTION: f64 = 0.01;
 /// At most one touch of this many is left out; with more outliers the measurement is refused.
 const TOUCHES_PER_OUTLIER: usize = 10;
 /// Fewest degrees of freedom from which the residuals give a scale: Student's t has no variance below.
-const LEAST_DEGREES_OF_FREEDOM: usize = 3;
+const MIN_DEGREES_OF_FREEDOM: usize = 3;
 
 /// A ball as the plan has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,7 +85,7 @@ pub enum CalibrationError {
     /// Too few touches.
     #[error(
         "{touches} touches are too few for {unknowns} unknowns: at least {least} more than unknowns are needed",
-        least = LEAST_DEGREES_OF_FREEDOM
+        least = MIN_DEGREES_OF_FREEDOM
     )]
     TooFew {
         /// Usable touches.
@@ -180,7 +180,7 @@ impl BallCalibration {
         let mut used: Vec<usize> = (0..touches.len()).collect();
         let mut outliers = Vec::new();
         loop {
-            if used.len() < unknowns.count + LEAST_DEGREES_OF_FREEDOM {
+            if used.len() < unknowns.count + MIN_DEGREES_OF_FREEDOM {
                 return Err(CalibrationError::TooFew {
                     touches: used.len(),
                     unknowns: unknowns.count,
