@@ -2,7 +2,7 @@
 //!
 //! Publishers number what they publish on a topic. A number that is missing between two others was published and not
 //! recorded. What a recorder lost when it died stands after its last number, where only a recording begun later can show it: of
-//! the same publisher, its first number bounds the loss. A publisher that was restarted counts from 0 again, which shows by
+//! the same publisher, its first number bounds the loss. A publisher that was restarted counts from 1 again, which shows by
 //! a lower number published later; numbers are compared within one life of it. Messages before the first number, and
 //! after the last without a later recording, are not reported.
 

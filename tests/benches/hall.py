@@ -8,9 +8,10 @@ LOAD is the example `load` of the crate dashboard, which plays a recorded cell a
     cargo build --release -p probecell -p dashboard --example load --bin probecell
     unshare -n bash -c 'ip link set lo up; target/venv/bin/python tests/benches/hall.py target/release/probecell target/release/examples/load 10 100 500'
 
-Processor time is what the processes have used (utime and stime), so that others on the machine matter little; memory is resident
-(Pss for the browser, whose processes share much). Delays are from the stamp of a touch, at its publication, to the frame of headless
-Chromium that shows it. The venv is the one of `.ci/run dashboard`.
+Processor time is what the processes have used (utime and stime), so that others on the machine matter little; memory is
+resident (Pss for the browser, whose processes share much). A router has 100 cells at the most (CELLS_OF_A_ROUTER): what Zenoh
+1.10 looks through with each announcement and question grows with what is announced at a router. Delays are from the stamp of a
+touch, at its publication, to the frame of headless Chromium that shows it. The venv is the one of `.ci/run dashboard`.
 """
 
 import contextlib
@@ -28,8 +29,9 @@ from playwright.sync_api import sync_playwright
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 RECORDING = ROOT / "bags" / "samples" / "punch_uncalibrated.mcap"
-ROUTER, ADDRESS = "tcp/127.0.0.1:7447", "127.0.0.1:7480"
+ADDRESS = "127.0.0.1:7480"
 CELLS_OF_A_PROCESS = 50
+CELLS_OF_A_ROUTER = int(os.environ.get("CELLS_OF_A_ROUTER", "100"))
 SETTLED, WATCHED, TOUCHED = 5, float(os.environ.get("WATCHED_S", "20")), float(os.environ.get("TOUCHED_S", "60"))  # s
 PATIENCE = 300  # s
 EVERY = os.environ.get("EVERY", "1")  # of the messages at 100 Hz
@@ -115,15 +117,21 @@ def starting(folder):
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
 
-def bus(start, probecell):
-    return start(probecell, "router", "--listen", ROUTER, "--strangers", "write", **QUIET)
+def endpoints(count):
+    """Of the routers of so many cells."""
+    return [f"tcp/127.0.0.1:{7500 + number}" for number in range(-(-count // CELLS_OF_A_ROUTER))]
+
+
+def bus(start, probecell, count):
+    return [start(probecell, "router", "--listen", endpoint, "--strangers", "write", **QUIET) for endpoint in endpoints(count)]
 
 
 def cells(start, load, count):
     """Processes that play so many cells; they have joined the bus."""
     loads = []
     for first in range(0, count, CELLS_OF_A_PROCESS):
-        words = (load, ROUTER, RECORDING, first, min(CELLS_OF_A_PROCESS, count - first), EVERY)
+        router = endpoints(count)[first // CELLS_OF_A_ROUTER]
+        words = (load, router, RECORDING, first, min(CELLS_OF_A_PROCESS, count - first), EVERY)
         loads.append(start(*words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
     for one in loads:
         assert one.stdout.readline() == "ready\n", "the load did not start"
@@ -140,7 +148,7 @@ def ended(loads):
 def generator(probecell, load, count, folder):
     """What the cells publish while nobody reads them: the limit of the load itself."""
     with starting(folder) as (start, _):
-        bus(start, probecell)
+        bus(start, probecell, count)
         loads = cells(start, load, count)
         watched = Watched(cells=[one.pid for one in loads])
         time.sleep(WATCHED)
@@ -152,15 +160,16 @@ def generator(probecell, load, count, folder):
 
 def measure(probecell, load, count, chromium, folder):
     with starting(folder) as (start, ending):
-        router = bus(start, probecell)
-        dashboard = start(probecell, "dashboard", "--listen", ADDRESS, "--connect", ROUTER, "--recordings", folder, **QUIET)
+        routers = bus(start, probecell, count)
+        connect = [word for endpoint in endpoints(count) for word in ("--connect", endpoint)]
+        dashboard = start(probecell, "dashboard", "--listen", ADDRESS, *connect, "--recordings", folder, **QUIET)
         begun = time.monotonic()
         loads = cells(start, load, count)
         until("all cells", lambda: metric("probecell_dashboard_cells") == count)
         found = time.monotonic() - begun
         time.sleep(SETTLED)
 
-        own = {"dashboard": [dashboard.pid], "router": [router.pid], "cells": [one.pid for one in loads]}
+        own = {"dashboard": [dashboard.pid], "routers": [one.pid for one in routers], "cells": [one.pid for one in loads]}
         watched, received = Watched(**own), metric("probecell_dashboard_messages_total")
         time.sleep(WATCHED)
         alone = watched.shares()
@@ -190,7 +199,7 @@ def measure(probecell, load, count, chromium, folder):
         told = ended(loads)
         percent = lambda share: f"{100 * share:.1f}"
         print(f"| {count} | {rate:.0f} | {percent(alone['dashboard'])} | {percent(followed['dashboard'])} | {percent(looked['dashboard'])} | {resident:.0f} | "
-              f"{percent(followed['browser'])} | {pages:.0f} | {at(0.5):.0f} | {at(0.99):.0f} | {len(delays)} | {missed:.0f} | {percent(alone['router'])} | {percent(alone['cells'])} |", flush=True)
+              f"{percent(followed['browser'])} | {pages:.0f} | {at(0.5):.0f} | {at(0.99):.0f} | {len(delays)} | {missed:.0f} | {percent(alone['routers'])} | {percent(alone['cells'])} |", flush=True)
         print(f"  all cells joined and found after {found:.0f} s")
         for one in told:
             print(f"  load: {one}", flush=True)
@@ -215,7 +224,7 @@ def main():
     probecell, load, *counts = sys.argv[1:]
     probecell, load = pathlib.Path(probecell).resolve(), pathlib.Path(load).resolve()
     print(f"load average {os.getloadavg()[0]:.0f}, {os.cpu_count()} processors")
-    print("| cells | messages/s | dashboard, % of a processor: no page | the hall followed | and a cell | MB | browser % | MB | touch to screen ms: median | 99 % | touches | missed | router % | cells % |")
+    print("| cells | messages/s | dashboard, % of a processor: no page | the hall followed | and a cell | MB | browser % | MB | touch to screen ms: median | 99 % | touches | missed | routers % | cells % |")
     print("|" + "---|" * 14)
     with sync_playwright() as playwright:
         for count in counts or ["10", "100", "500"]:

@@ -221,7 +221,7 @@ def next_session(page, cell, folder, approval):
     status, offered = send("/act/offer", {"cell": CELL, "act": "approve", "subject": identifier})
     assert status == 200, offered
     status, told = send("/act", approval | {"token": offered["token"]})
-    assert status == 200 and not told["accepted"] and "the signature of ada is not of this correction" in told["text"], told
+    assert status == 200 and not told["accepted"] and "the signature of ada does not match this correction" in told["text"], told
     press(page, "reject", "Accepted")
     wait(page, "document.querySelector('#ledger').innerText.includes('rejected by ada')")
     wait(page, "document.querySelector('#state .badge').innerText.includes('idle')")

@@ -99,7 +99,7 @@ fn the_word_of_a_correction_about_its_own_approval_counts_for_nothing() {
     );
     signed.approved_by = "Ada".to_owned();
     sign(&mut signed, &SecretKey::from_seed([66; 32]));
-    let says = "the signature of Ada is not of this correction";
+    let says = "the signature of Ada does not match this correction";
     assert_eq!(
         put(&mut session, &signed),
         (Ack::REFUSED_NOT_APPROVED, says.to_owned())

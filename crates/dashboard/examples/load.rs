@@ -1,6 +1,6 @@
 //! Cells that are none, for measuring what reads many of them: `load ENDPOINT RECORDING FIRST COUNT [EVERY]`.
 //!
-//! Joins the router at ENDPOINT as COUNT cells, `cell_FIRST` and following, each with publishers of its own, and plays on each what
+//! Joins the router at ENDPOINT in one session as COUNT cells, `cell_FIRST` and following, each with publishers of its own, and plays on each what
 //! the recording of one cell holds of topics that the dashboard reads, at its pace, over and over, every cell at another place of
 //! it: state and axes at 100 Hz (or only every EVERYth of these), touches, sizes, verdicts, corrections, gap reports, in the bytes that the cell has published, with
 //! the instant of the publication as stamp. It ends when its input does, and then prints how many messages it published and how late
@@ -20,10 +20,10 @@ use graph::{Topic, topics};
 use host::bus::{Bus, BusConfig, Publisher};
 use host::bus_qos;
 
-/// Time between two rounds over the cells; axes come every 10 ms.
+/// Time between two rounds over the cells; axes come every 10 ms. What is due in a round goes out in few writes.
 const ROUND: Duration = Duration::from_millis(5);
-/// Cells that one session publishes: each session follows what all others announce, which grows with the square.
-const CELLS_OF_A_SESSION: usize = 50;
+/// For what was published last; on busy processors a session of many publishers takes its time to end.
+const CLOSING: Duration = Duration::from_secs(30);
 /// Topics at the rate of the controller.
 const FAST: [&str; 2] = [topics::MACHINE_STATE.name, topics::JOINT_STATES.name];
 /// Where the stamp of a header stands in a message: after the encapsulation; seconds and nanoseconds, four bytes each.
@@ -31,7 +31,7 @@ const STAMP: usize = 4;
 
 /// A message of the recording.
 struct Message {
-    /// Since the begin of the recording.
+    /// Since the start of the recording.
     at: Duration,
     topic: usize,
     bytes: Vec<u8>,
@@ -187,20 +187,17 @@ fn main() -> anyhow::Result<()> {
     let piece = Piece::read(recording, every.get())?;
     let config = BusConfig {
         endpoints: vec![endpoint.clone()],
+        // As the processes of a cell: sessions that link to one another tell each other all that they announce.
+        listen: Vec::new(),
+        zenoh: serde_json::json!({ "mode": "client" }),
+        graph: host::bus::Followed::OwnTopics,
         ..BusConfig::default()
     };
-    let open = |number| Bus::open(&config, &format!("load_{first}_{number}"), "/load");
-    let sessions = (count as usize).div_ceil(CELLS_OF_A_SESSION);
-    let buses = (0..sessions).map(open).collect::<Result<Vec<_>, _>>()?;
+    let bus = Bus::open(&config, &format!("load_{first}"), "/load")?;
     let mut cells = (0..count)
         .map(|one| {
-            let bus = &buses[one as usize / CELLS_OF_A_SESSION];
-            Cell::join(
-                &piece,
-                bus,
-                first + one as usize,
-                piece.length * one / count,
-            )
+            let at = piece.length * one / count;
+            Cell::join(&piece, &bus, first + one as usize, at)
         })
         .collect::<Result<Vec<_>, _>>()?;
     let ended = Arc::new(AtomicBool::new(false));
@@ -242,8 +239,6 @@ fn main() -> anyhow::Result<()> {
             .as_secs_f64()
     )?;
     drop(cells);
-    for bus in buses {
-        bus.close(Duration::from_secs(2))?;
-    }
+    bus.close(CLOSING)?;
     Ok(())
 }

@@ -180,7 +180,7 @@ fn dwell_and_latency_of_rows_alike_are_one_group() {
     assert!(
         report
             .to_string()
-            .contains("these data cannot tell which of them acts"),
+            .contains("the data do not determine which of them acts"),
         "{report}"
     );
 }

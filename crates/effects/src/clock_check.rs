@@ -1,4 +1,5 @@
-//! `time.clock_offset` and `data.quantisation`: what the records themselves show, whatever the deviations say.
+//! Clock offset and resolution estimated from the records themselves, whatever the deviations say; the effects
+//! `time.clock_offset` and `data.quantisation` of [`crate::record`] report them.
 //!
 //! Latched positions against positions interpolated at the stamp: a shift of the clocks shows as speed × shift. Latched
 //! positions on a coarse grid: the grid's step. Seconds, metres.

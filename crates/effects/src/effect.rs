@@ -1,6 +1,6 @@
 //! What an effect is: one cause of the vocabulary, and everything that the rest of the project asks of it.
 //!
-//! An effect is one file with an implementation of [`Effect`] and one line in [`crate::registry`]. Vocabulary, wording,
+//! An effect is one file with an implementation of [`Effect`] and one line in the list of its folder. Vocabulary, wording,
 //! the effects that a discrepancy may stand for, what a joint diagnosis leaves out and what a cell file may declare all
 //! follow from the answers given here.
 

@@ -5,15 +5,17 @@
 //!            |
 //!            v
 //!   rows, one per touch           observation  deviation, pose, derivatives of the chain, what cut the point
-//!            |
+//!            |                    clock_check, sensors  offset of the clocks, resolution; temperatures as drivers
 //!            v
 //!   registry of effects           effect       one file each: words, parameters, variants, prediction, test
+//!            |                    vocabulary, variant  identifiers in words; a way of acting: columns, nonlinear parameter
 //!            |                    touch, drive, record  columns over the rows: m per unit of each parameter
 //!            |                    motion       numbers of the motion model in place of the declared ones
 //!            |                    discrepancy  what an unknown cause could depend on
 //!            v
 //!   candidates of the inference   candidate    orthonormal blocks;  estimates: parameters back from coefficients
 //!   predictions                   declared     effects of the declared model, subtracted from the rows
+//!                                 finite_displacement  displacements beyond first order
 //! ```
 //!
 //! ```

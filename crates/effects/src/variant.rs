@@ -110,11 +110,11 @@ pub struct Shape {
     pub name: &'static str,
     /// Its unit in reports.
     pub unit: &'static str,
-    /// Values that are tried first, ascending: dense enough that the best lies within a neighbour's reach.
+    /// Initial trial values, ascending, dense enough that refinement from the best of them reaches the optimum.
     pub trials: Vec<f64>,
     /// True where any value between the trials makes sense, so that the best is refined.
     pub continuous: bool,
-    /// Number of values that this session could distinguish: the price of having chosen one.
+    /// Number of values that this session could resolve; it penalises the selection of one.
     pub distinct: f64,
 }
 

@@ -51,7 +51,7 @@ pub struct NextPoint {
     pub rotary_positions: Vec<f64>,
     /// Speed of approach, m/s.
     pub feed: f64,
-    /// How far apart the two most probable explanations predict the deviation, m.
+    /// Difference between the deviations that the two most probable explanations predict, m.
     pub difference: f64,
     /// Id of the feature.
     #[serde(default)]

@@ -5,7 +5,7 @@
 //!                    Node::step(config, state, now, input) -> outputs        no clock, no transport, no randomness
 //!                                       |
 //!                      Running<N>: an Instance, bytes in, bytes out
-//!                     /                 |                  \\
+//!                     /                 |                  \
 //!      host: bus and wall clock   Executor: virtual time   replay: inputs of a recording
 //! ```
 //!

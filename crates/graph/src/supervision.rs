@@ -1,4 +1,4 @@
-//! Signs of life: a driver whose machine moves watches the gate, `machine_state`.
+//! Heartbeat supervision: a driver whose machine moves monitors the gate, `machine_state`.
 //!
 //! The gate publishes a [`GateHeartbeat`] every [`HEARTBEAT_PERIOD`]. A driver stops its machine when no new one has arrived
 //! for [`GATE_SILENCE`], or when they come from another process than before: what the former one has started is

@@ -11,7 +11,7 @@ use statrs::function::gamma::ln_gamma;
 use crate::fixed_point::{Blocks, RESOLUTION, RidgeSystem, State, Stop, maximise};
 use crate::linear::{add_scaled, cholesky, dot, forward, inverse_diagonal, invert, solve_cholesky};
 
-/// Log price of a block's prior variance: a log-uniform prior over four decades of it, known to about a factor e.
+/// Log Occam factor of a block's prior variance: a log-uniform prior over four decades of it, known to about a factor e.
 pub const LOG_OCCAM_FACTOR: f64 = 1.5;
 /// When the iteration for the prior variances of a set ends.
 const STOP: Stop = Stop {

@@ -13,8 +13,9 @@
 //!                                        markov, switching  signals that switch between two states
 //!   posterior over (set, discrepancy)    posterior    probabilities of all models, fits and residuals
 //!                                        onset  whether and when a stream of estimates has changed
-//!                                        robust  linear fits that single wild values do not move
-//!                                        outliers, held_out  leave-one-out suspects; cross-validation by blocks
+//!                                        robust  robust linear regression (MM estimator)
+//!                                        outliers, cross_validation  leave-one-out suspects; held-out blocks of rows
+//!   numerical tools                      linear, least_squares, golden_section
 //! ```
 //!
 //! Spike-and-slab selection (George and McCulloch 1993) with an empirical-Bayes slab (MacKay 1992) and Gaussian-process

@@ -5,7 +5,7 @@
 //! (Brown, Durbin and Evans 1975) and become independent standard normal numbers by their own distributions (Quesenberry
 //! 1991). On these the Shiryaev–Roberts statistic is summed over onsets, and averaged over directions and alternatives:
 //! R grows by one for each part in the mean, so that the expected number of parts until R ≥ A is at least A (Pollak 1985;
-//! Shin, Ramdas and Rinaldo 2022). With A = 1000/rate there is at most `rate` false alarm in 1,000 parts, however the
+//! Shin, Ramdas and Rinaldo 2022). With A = 1000/rate there are on average at most `rate` false alarms per 1,000 parts, however the
 //! directions depend on one another. Numbers only.
 
 use std::collections::VecDeque;
@@ -53,7 +53,7 @@ pub struct ChangeStatistic {
 }
 
 impl ChangeStatistic {
-    /// True where at most `rate` streams of 1,000 unchanged parts would show as much in the mean.
+    /// True where the statistic reaches 1000/`rate`: the expected number of unchanged parts before a false alarm is then at least 1000/`rate`.
     pub fn is_alarm(&self, rate: f64) -> bool {
         self.log_statistic >= (1000.0 / rate).ln()
     }

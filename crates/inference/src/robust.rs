@@ -1,4 +1,4 @@
-//! Linear fits that single wild values do not move.
+//! Robust linear regression: an MM estimator.
 //!
 //! Least absolute deviations give a start that most of the values agree on; from there Tukey's bisquare at the scale of the
 //! start's residuals (an MM estimate: Maronna, Martin, Yohai and Salibián-Barrera 2019, section 5.5, with the former as its start).

@@ -1,4 +1,5 @@
-//! Dimensional metrology as pure mathematics: from measured points to features, uncertainties, conformance and corrections.
+//! Dimensional metrology as pure mathematics: from measured points to features, uncertainties, conformance and corrections; and, in
+//! pure functions, models of a cutting and of a probing machine and the steps of its probe set-up.
 //!
 //! ```text
 //!   points ── fit ─┬─ datum, alignment ── position and orientation of the part
@@ -21,7 +22,7 @@
 //! | How does a probe on a machine err? | [`probe`], [`calibration`], [`size_gap`], [`cut`] | `docs/source_systems.md`, A |
 //!
 //! Lengths are metres, angles radians, points `nalgebra` vectors in one Cartesian frame of the caller's choice; a
-//! deviation is positive where material is left. The crate knows no messages, machine, clock or file. Every function is
+//! deviation is positive where material is left. The crate knows no messages, clock or file, and moves nothing. Every function is
 //! deterministic; random sequences start from a seed that is passed in.
 //!
 //! Does a shaft of 20 mm ± 10 µm conform, of which eight touches were taken?

@@ -1,4 +1,4 @@
-//! Decides which of repeatedly measured positions are falsified by slip, for once or for good.
+//! Decides which of repeatedly measured positions are corrupted by slip, transiently or persistently.
 //!
 //! Lengths in m. `docs/source_systems.md, C.5`. A *transient* slip is a reading more than six scales from the median
 //! of its position, in a minority of the repeats; a *persistent* displacement is a position whose median differs from

@@ -1,4 +1,4 @@
-//! Decides a short path for more points than can be solved exactly: iterated local search.
+//! Iterated local search, for problems too large for the exact solution.
 //!
 //! A symmetric problem without rules is a ring, improved by exchanges of edges ([`tour`]); points may have alternative
 //! poses there. Everything else is a path with a direction ([`directed`]): Or-opt, 2-opt, and exchange of

@@ -1,4 +1,4 @@
-//! How are signals of a programmable controller read? Clamping, presence of the part, temperatures: values at addresses of a
+//! How are signals of a programmable controller read? Clamping, presence of the part, temperatures: values at addresses of an
 //! auxiliary controller, over its own protocol.
 //!
 //! ```text

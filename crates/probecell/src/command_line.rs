@@ -57,12 +57,12 @@ pub(crate) enum Command {
         #[arg(long, hide = true, allow_hyphen_values = true)]
         clock: Option<i64>,
     },
-    /// Run a Zenoh router, for a cell that spans machines.
+    /// Run a Zenoh router, for a cell that spans several hosts.
     Router {
-        /// Endpoint to listen on; use a network address of this machine to accept connections from others.
+        /// Endpoint to listen on; use a network address of this host to accept connections from others.
         #[arg(long, default_value = host::bus::ROUTER_ENDPOINT)]
         listen: Vec<String>,
-        /// Endpoint of another machine's router to connect to; may be repeated.
+        /// Endpoint of another host's router to connect to; may be repeated.
         #[arg(long)]
         join: Vec<String>,
         /// Rights of every program that does not belong to this user on this host.
@@ -75,7 +75,7 @@ pub(crate) enum Command {
         /// With --keep: another router whose cells are kept as well; may be repeated.
         #[arg(long, value_name = "ENDPOINT", requires = "keep")]
         follow: Vec<String>,
-        /// With --keep: cell file by whose router, user and TLS settings a cell is followed; may be repeated.
+        /// With --keep: cell file with the router, user and TLS settings for following its cell; may be repeated.
         #[arg(long, requires = "keep")]
         cell: Vec<PathBuf>,
         /// With --keep: ROS domain.

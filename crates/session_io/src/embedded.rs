@@ -16,7 +16,7 @@ pub const KEY_FILE: &str = "cell.pub";
 /// Name of the table of what made a recording: version and source revision of the program.
 pub const PROVENANCE: &str = "probecell";
 
-/// Begin of the first line of a description: a comment in TOML.
+/// Prefix of the first line of a description: a comment in TOML.
 const KEY_LINE: &str = "# public key of the cell: ";
 
 /// What a cell publishes of itself: its public key as a comment, and its file without passwords.

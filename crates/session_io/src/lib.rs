@@ -1,4 +1,4 @@
-//! What a recording is to the rest: a measurement as the diagnosis takes it, with the model that its cell declares; the record of
+//! Conversion of recordings for the other crates: a measurement as input of the diagnosis, with the model that its cell declares; the record of
 //! its parts; its plan ordered again; and the reverse, a made session as a recording.
 //!
 //! ```text
@@ -11,7 +11,7 @@
 //!  files of other systems ──> import ──> effects::Session ──> write: a bag
 //! ```
 //!
-//! The command, `probecell-fleet` and the Python package read by it, so that all answer alike.
+//! `probecell`, `probecell-fleet` and the Python package read recordings through this crate, so that their results agree.
 //!
 //! ```no_run
 //! use bags::Measurement;

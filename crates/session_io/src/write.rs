@@ -1,4 +1,4 @@
-//! A made session, of a scenario, of the blind card or imported, as a recording to the contract.
+//! Writes a simulated or imported session as a recording that conforms to the interface contract.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -42,10 +42,10 @@ pub enum NotApproved {
     #[error("the key of {0} was withdrawn")]
     Withdrawn(String),
     /// Signature and correction do not belong together.
-    #[error("the signature of {0} is not of this correction")]
+    #[error("the signature of {0} does not match this correction")]
     Forged(String),
     /// Signed long ago.
-    #[error("the approval of {by} was signed {age:.0} s ago: it counts for {} s", AGE_LIMIT / 1_000_000_000)]
+    #[error("the approval of {by} was signed {age:.0} s ago: it is valid for {} s", AGE_LIMIT / 1_000_000_000)]
     Old {
         /// Who signed.
         by: String,
@@ -53,7 +53,7 @@ pub enum NotApproved {
         age: f64,
     },
     /// Signed at an instant to come.
-    #[error("the approval of {0} was signed at an instant that is still to come")]
+    #[error("the approval of {0} carries a time stamp in the future")]
     Early(String),
 }
 

@@ -33,7 +33,7 @@
 //! assert!(trust.check(None, &correction).is_ok());
 //! correction.new_value = -21e-6;
 //! let refused = trust.check(None, &correction).unwrap_err();
-//! assert_eq!(refused.to_string(), "the signature of the cell's policy is not of this correction");
+//! assert_eq!(refused.to_string(), "the signature of the cell's policy does not match this correction");
 //! ```
 
 pub mod act;

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 pub enum Update {
     /// The first: whose results these are.
     Cell(Cell),
-    /// Clients may come: what was there before has been told.
+    /// The initial state is complete: the server may accept clients.
     Listen,
     /// What the machine does.
     State(State),
@@ -38,7 +38,7 @@ pub struct Cell {
     pub version: String,
 }
 
-/// Doing of a machine.
+/// Execution state of a machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Execution {
@@ -53,10 +53,10 @@ pub enum Execution {
     Running,
 }
 
-/// What the machine does since an instant.
+/// Execution state of the machine, and since when.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct State {
-    /// Doing.
+    /// Execution state.
     pub execution: Execution,
     /// ns since 1970.
     pub at: i64,

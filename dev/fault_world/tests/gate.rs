@@ -7,7 +7,7 @@ use graph::{DeliverError, Emitted, Instance, Stamp, Topic, topics};
 use probecell_msgs::{ControllerStatus, Correction, OperatorKeys, PartStatus, from_cdr};
 use serde_json::{Value, json};
 
-/// States of a search in CI; those nearest to the begin of one that has more.
+/// States of a search in CI; those nearest to the start of one that has more.
 const LIMIT: usize = 40_000;
 
 #[test]

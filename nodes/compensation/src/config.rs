@@ -34,7 +34,7 @@ pub struct RawConfig {
     pub decision_rule: RawDecisionRule,
     /// The controller's volumetric table, judged and corrected by touches of balls; none: it is left alone.
     pub volumetric: Option<RawVolumetric>,
-    /// Work offsets that follow a part which lies off its place; none: they are left alone.
+    /// Work offsets that follow a displaced part; absent: they are left unchanged.
     pub work_offset: Option<RawWorkOffset>,
     /// A wear offset beyond this means a worn tool.
     pub wear_limit_mm: f64,
@@ -105,7 +105,7 @@ pub struct RawCharacteristic {
     #[serde(default)]
     pub inner: bool,
     /// Passes of the cycle in which it decides; none: all. A size may stand in the list once for each pass, so that each
-    /// is judged by its own tolerance and corrects its own register: what bends a rough cut is no error of the finishing
+    /// is judged by its own tolerance and corrects its own register: deflection under the roughing cut is not an error of the finishing
     /// one.
     #[serde(default)]
     pub passes: Vec<String>,

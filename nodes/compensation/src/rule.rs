@@ -1,7 +1,7 @@
 //! The decision rule of the cell file: how much of a tolerance the uncertainty of the reading takes, and what it risks.
 //!
 //! The rule judges against the drawing, so it holds in the last pass in which a size decides. Limits of the passes before
-//! it keep the process in hand, and are taken as they stand.
+//! it are process limits, applied without guard bands.
 
 use metrology::conformance::{DecisionRule, GuardBands, Tolerance, nonconformity_probability};
 use probecell_msgs::FeatureResult;
@@ -56,7 +56,7 @@ pub(crate) fn described(
     )
 }
 
-/// A probability in per cent, with two digits that count.
+/// A probability in per cent, with two significant digits.
 pub(crate) fn percent(probability: f64) -> String {
     match probability * 100.0 {
         small if small < 0.01 => "below 0.01 %".to_owned(),

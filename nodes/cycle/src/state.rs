@@ -44,7 +44,7 @@ pub struct Run {
     pub run_id: String,
     /// Number of the run in the session of the cell, from 1.
     pub number: u64,
-    /// Begin of the stage.
+    /// Start of the stage.
     pub since: Stamp,
     /// What was requested last of the machine.
     pub asked: Option<PendingRequest>,

@@ -43,7 +43,7 @@ pub(crate) fn send_to(
     command_id
 }
 
-/// Gives a sign of life.
+/// Publishes a heartbeat.
 pub(crate) fn publish_heartbeat(state: &mut State, now: Stamp, out: &mut Out) {
     state.beats += 1;
     let session = state.controller.as_ref().map(|known| &known.status.session);

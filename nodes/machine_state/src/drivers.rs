@@ -17,7 +17,7 @@ const FORMER_LIMIT: usize = 16;
 
 /// Why nothing begins while two drivers publish samples.
 pub(crate) const SEVERAL: &str =
-    "two drivers publish controller_status: all but one of them have to end";
+    "two drivers publish controller_status: all but one of them must be stopped";
 
 /// Samples of two drivers arrive.
 pub(crate) fn are_several(state: &State) -> bool {

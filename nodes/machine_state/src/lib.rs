@@ -24,7 +24,7 @@
 //! not answer a correction in time has failed it, and an operation has failed when the controller stays idle without a
 //! report. A volumetric table is written as a whole, and applied only when every entry is read back.
 //!
-//! A driver comes up while nobody has asked for anything: its machine is stopped.
+//! A driver starts while no request is pending: its machine is stopped.
 //!
 //! ```
 //! use graph::{Node, Outbox, START, Stamp};

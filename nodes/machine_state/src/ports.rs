@@ -54,7 +54,7 @@ graph::ports! {
         Report(OperationReport) = topics::OPERATION_REPORTS,
         /// The outcome of a correction.
         Acknowledgement(CorrectionAcknowledgement) = topics::CORRECTION_ACKNOWLEDGEMENTS,
-        /// A sign of life for the driver.
+        /// The heartbeat for the driver.
         Heartbeat(GateHeartbeat) = topics::GATE_HEARTBEAT,
         /// The part that is being made, as it is known here.
         Supervised(PartStatus) = topics::SUPERVISED_PART,

@@ -36,7 +36,7 @@ pub(crate) fn stop(config: &Config, state: &mut State, now: Stamp, asked_by: Ask
         }
         Some((true, _)) => Some((
             false,
-            "the controller sends no samples: whether the machine stands is not known",
+            "the controller sends no samples: it is not known whether the machine is at standstill",
         )),
         Some((false, _)) => None,
     };

@@ -789,7 +789,7 @@ fn two_drivers_are_reported_and_stopped_once_and_nothing_begins_until_one_has_en
     assert!(told(&mut state, 6000, recorded).is_empty());
     assert_eq!(
         told(&mut state, 6000, request(OperationRequest::CUT, 3)),
-        ["two drivers publish controller_status: all but one of them have to end"]
+        ["two drivers publish controller_status: all but one of them must be stopped"]
     );
     for at in (6010..7100).step_by(10) {
         assert!(told(&mut state, at, sampled("run 2", at)).is_empty());

@@ -107,7 +107,7 @@ pub(crate) enum RequestError {
         "plan {0:?} is being measured: a preview would replace it; ask again when that is done"
     )]
     Measuring(String),
-    #[error("plan {0:?} is being made: ask again when that is done")]
+    #[error("plan {0:?} is being computed: retry when it is complete")]
     Busy(String),
 }
 

@@ -271,7 +271,7 @@ fn another_measurement_takes_the_place_of_the_one_that_is_planned() {
 #[test]
 fn an_operator_is_refused_while_an_order_is_made_and_told_when_his_own_is_given_up() {
     let refusal =
-        |plan: &str| format!("false: plan {plan:?} is being made: ask again when that is done");
+        |plan: &str| format!("false: plan {plan:?} is being computed: retry when it is complete");
     let mut node = in_the_middle(measure());
     for subject in ["", "p/1", "other"] {
         let said = node.take(wish(subject, &[]));

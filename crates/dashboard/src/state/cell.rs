@@ -180,7 +180,7 @@ pub struct CellState {
     pub revisions: BTreeMap<Section, u64>,
     /// Number of its newest event in the hall.
     pub(crate) last_event: u64,
-    /// What this cell takes on next, according to its events.
+    /// Alarms of the machine, as its state of last reports them.
     pub(super) alarms: Vec<String>,
 }
 

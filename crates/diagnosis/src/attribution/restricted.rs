@@ -1,6 +1,6 @@
 //! Fields over the part, their size and roughness estimated apart from what effects of the vocabulary do to the whole part.
 //!
-//! A field that is smooth enough is nearly a displacement with scales and shears: it swallows a tilt or a scale of like size,
+//! A sufficiently smooth field is nearly a displacement with scales and shears: it absorbs a tilt or a scale of similar size,
 //! and since its prior allows any size it pays less for them than they pay for themselves. Where there are readings enough,
 //! its variance and correlation length are taken from the contrasts that displacements linear in the place do not reach
 //! (restricted maximum likelihood: Patterson and Thompson 1971; Harville 1977), and only then effects are searched beside it:

@@ -17,7 +17,7 @@ const SURE_BESIDE_UNKNOWN: f64 = 0.99;
 /// An effect that the others reproduce to within half the noise is named only when it is this probable.
 const SURE_THOUGH_REPLACEABLE: f64 = 0.993;
 
-/// An effect is named otherwise when it is this probable.
+/// In all other cases an effect is reported from this probability on.
 const PROBABLE: f64 = 0.5;
 /// Beside an unknown cause also one that is no more than that, where the held-out rms is below this share of that without it: a
 /// sixteenth of its square.

@@ -233,7 +233,7 @@ impl Reporter<'_> {
     }
 
     /// The best model of the most probable set, or of a smaller one that is not yet refuted by [`REFUTED`] against a larger: a
-    /// false name costs more than one left out.
+    /// false positive costs more than a false negative.
     fn best_model(&self, unknown: bool) -> Option<&Model> {
         let sets = self.sets(unknown);
         let mut best = (sets.values()).max_by(|a, b| a.0.total_cmp(&b.0))?;

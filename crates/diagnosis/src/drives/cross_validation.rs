@@ -8,7 +8,7 @@ use crate::report::SessionGap;
 use inference::linear::dot;
 use metrology::statistics::coverage_factor;
 
-/// Standard errors that make sure.
+/// Number of standard errors from which a difference is significant.
 const SURE: f64 = 2.0;
 
 /// Held-out sizes over blocks of time.

@@ -1,6 +1,6 @@
 //! The rows of several sessions of one machine as one table, and what belongs to each session alone.
 //!
-//! Features and indexes are numbered on; times stay those of their own session. The part's pose is each session's own:
+//! Features and index positions are renumbered consecutively; times stay relative to their own session. The part's pose is each session's own:
 //! its columns are nuisances that every fit contains. Metres, radians, seconds.
 
 use effects::effect::{Effect, Registration};

@@ -1,4 +1,4 @@
-//! Which effects explain a change of the deviations, each for itself.
+//! Which effects explain a change of the deviations, each on its own.
 
 use effects::{Observations, Variant};
 use inference::least_squares::NormalEquations;

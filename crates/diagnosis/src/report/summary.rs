@@ -142,7 +142,7 @@ fn write_effect(
         return Ok(());
     }
     // Where the cause is ambiguous, so is what to do about it.
-    writeln!(to, "    these data cannot tell which of them acts")
+    writeln!(to, "    the data do not determine which of them acts")
 }
 
 /// What may act, in words: the whole group, never one of it as certain.
@@ -194,14 +194,38 @@ fn write_declared(
     Ok(())
 }
 
+/// What further touches are for: effects that some of the probable explanations contain and others do not.
+fn purpose(separates: &[String]) -> String {
+    let worded = |name: &String| match name.as_str() {
+        "no_gap" => "no gap".to_owned(),
+        "unknown" => "an unknown cause".to_owned(),
+        effect => effect.to_owned(),
+    };
+    let names: Vec<String> = separates.iter().map(worded).collect();
+    match names.as_slice() {
+        [one] => format!("test for {one}"),
+        [first @ .., last] => format!("discriminate between {} and {last}", first.join(", ")),
+        [] => "discriminate between the explanations".to_owned(),
+    }
+}
+
+/// A probability as a person reads it.
+fn percent(probability: f64) -> String {
+    match 100.0 * probability {
+        small if small < 1.0 => "below 1 %".to_owned(),
+        large if large > 99.0 => "above 99 %".to_owned(),
+        other => format!("{other:.0} %"),
+    }
+}
+
 fn write_next(to: &mut fmt::Formatter<'_>, next: &NextMeasurement) -> fmt::Result {
     if !next.points.is_empty() {
         writeln!(
             to,
-            "  to discriminate {}: {} touches ({:.0} % chance of one explanation reaching p > 0.95)",
-            next.separates.join(" from "),
+            "  to {}: {} touches (probability {} that one explanation reaches p > 0.95)",
+            purpose(&next.separates),
             next.points.len(),
-            100.0 * next.chance
+            percent(next.chance)
         )?;
     }
     for point in &next.points {

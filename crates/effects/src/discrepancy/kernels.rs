@@ -139,7 +139,7 @@ pub(super) fn time(observations: &Observations) -> Vec<Kernel<'_>> {
 }
 
 /// Displacements of the ball over time along one direction of the probe's mount or of the foundation, each direction once: what
-/// warms grows along the machine, however the part is turned under it. Smooth, and Brownian from the begin.
+/// warms grows along the machine, however the part is turned under it. Smooth, and Brownian motion from the start.
 fn time_along_machine(rows: &[Row], begin: f64, span: f64) -> Vec<Kernel<'static>> {
     let mut directions: Vec<Vec<f64>> = Vec::new();
     for frame in [

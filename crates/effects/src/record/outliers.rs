@@ -1,4 +1,4 @@
-//! `data.outliers`: isolated false touches (a chip, a knock).
+//! `data.outliers`: isolated outliers (a chip, a knock).
 //!
 //! `index` is the sequence of the event, `value` what it deviates by. Found before anything is
 //! explained.
@@ -14,7 +14,7 @@ impl Effect for Outliers {
     fn definition(&self) -> Definition {
         Definition {
             id: ID,
-            name: "isolated false touches",
+            name: "isolated outliers",
             remedy: "clean part and probe, and measure the named points again",
             parameters: &[("index", "1", 1e6), ("value", "m", 1e-3)],
             acts_on: ActsOn::of(Subject::Record),

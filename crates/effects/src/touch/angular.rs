@@ -24,7 +24,7 @@ impl Effect for Angular {
         Definition {
             id: "axis.<A>.angular",
             name: "roll, pitch or yaw that grows along axis <A>",
-            remedy: "check level and guideways of the machine, or correct the axis by a table of angular errors",
+            remedy: "check the levelling and guideways of the machine, or compensate the axis with a table of angular errors",
             parameters: &[("k", "rad/m", 3e-3)],
             acts_on: ActsOn::of(Subject::Machine).smooth_in(&[Coordinate::AxisPosition]),
         }

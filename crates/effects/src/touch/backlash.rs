@@ -2,7 +2,7 @@
 //!
 //! δq = −½·b·sgn(speed): the slide hangs behind its drive, seen from either side. A slide that stands while it is read has
 //! no speed: where its targets are approached from both sides, the sign of its last move takes the place of the speed
-//! (`last_move` 1). There the standard states a reversal value for each target, and a worn screw loses more where it was used
+//! (`last_move` 1). There the standard states a reversal error for each target, and a worn screw loses more where it was used
 //! most: b is the mean over the travel, b1, b2, … what evenly spaced places from one end to the other add to it, between which
 //! it is interpolated linearly (constant `places`). Typical 1–15 µm.
 

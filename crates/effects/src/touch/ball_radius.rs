@@ -1,6 +1,6 @@
 //! `probe.ball_radius`: the effective ball is larger by dr than stored; constant pretravel counts with it (ISO 230-10).
 //!
-//! d = dr for every touch, whatever its direction. Typical 1–15 µm. One feed cannot part it from latency, and a part
+//! d = dr for every touch, whatever its direction. Typical 1–15 µm. A single feed cannot separate it from latency, and a part
 //! cut too large looks the same unless something else measured it.
 
 use crate::effect::{ActsOn, Definition, Effect, Subject};

@@ -18,7 +18,7 @@ impl Effect for Straightness {
         Definition {
             id: "axis.<A>.straightness",
             name: "straightness of axis <A>: lateral deviation along its travel",
-            remedy: "check level and guideways of the machine, or correct the axis by a table of straightness",
+            remedy: "check the levelling and guideways of the machine, or compensate the axis with a straightness table",
             parameters: &[],
             acts_on: ActsOn::of(Subject::Machine).smooth_in(&[Coordinate::AxisPosition]),
         }

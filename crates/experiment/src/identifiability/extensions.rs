@@ -63,7 +63,7 @@ impl PlanExtension {
             Self::Artefact => "touch an artefact that this machine did not cut",
             Self::Revisit => "touch the first points again long after the end",
             Self::FinerSpacing => "touch points between those of the plan",
-            Self::Reference => "measure the same points on a measuring machine",
+            Self::Reference => "measure the same points on a coordinate measuring machine",
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Lengths in m. Starts from the best of many fits to random small subsets by the median of all residuals (least median
 //! of squares, Rousseeuw 1984; the subsets from a seed), then fits all points within `limit` robust deviations until
-//! the set stands still. Fewer than half of the points may be false. A form error that many points share is no outlier
+//! the set stands still. Fewer than half of the points may be outliers. A form error that many points share is no outlier
 //! and is not rejected.
 
 use rand::SeedableRng;
@@ -32,7 +32,7 @@ pub struct RobustFit<S> {
 /// Rules of the rejection.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rejection {
-    /// Robust deviations beyond which a point is false.
+    /// Number of robust standard deviations beyond which a point is an outlier.
     pub limit: f64,
     /// Smallest deviation in m taken for the points' noise: their resolution.
     pub resolution: f64,

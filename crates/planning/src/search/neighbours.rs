@@ -1,4 +1,4 @@
-//! Holds short lists of near neighbours, and decides which points they are.
+//! Neighbour lists of the search, and how their points are chosen.
 
 use crate::costs::CostMatrix;
 

@@ -149,7 +149,7 @@ fn resolved(result: &Report) -> bool {
 
 fn question(proposal: &NextMeasurement, cell: &str, plan_id: &str) -> String {
     let mut lines = vec![format!(
-        "\nRequesting {} additional touches from cell {cell:?}, plan {plan_id:?}, to discriminate {} \
+        "\nRequesting {} additional touches from cell {cell:?}, plan {plan_id:?}, to discriminate between {} \
          (predicted probability of one remaining explanation {:.2}):",
         proposal.points.len(),
         proposal.separates.join(", "),

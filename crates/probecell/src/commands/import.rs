@@ -65,7 +65,7 @@ pub(super) struct TableArguments {
     /// Units of the file, for example length=mm,deviation=um,angle=deg,time=s: no unit is guessed.
     #[arg(long, default_value = "", hide_default_value = true)]
     units: String,
-    /// Character between the columns; `tab` for a tabulator.
+    /// Column delimiter: one character, or `tab`.
     #[arg(long, default_value = ",")]
     delimiter: String,
     /// Numbers have a decimal comma.

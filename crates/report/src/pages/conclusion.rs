@@ -90,7 +90,7 @@ pub(crate) fn short_name(effect: &str) -> String {
 pub(crate) fn groups(page: &mut Page, report: &Report) {
     for effect in report.effects.iter().filter(|one| one.group.len() > 1) {
         let caption = format!(
-            "One of these {} acts, with probability {}; these data cannot tell which",
+            "One of these {} acts, with probability {}; the data do not determine which",
             effect.group.len(),
             probability(effect.probability)
         );

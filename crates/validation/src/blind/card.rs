@@ -1,7 +1,7 @@
 //! The blind score card: sealed sessions, diagnosed, then opened and judged.
 //!
 //! A cause is right when every hidden effect is named, or stands under `indistinguishable_from` of one that is, and
-//! nothing more is named than is hidden. An innocent is blamed by a name that stands for nothing hidden. Where an effect
+//! nothing more is named than is hidden. A false positive is a reported effect that matches no hidden one. Where an effect
 //! was deleted from the library (with its equals), nothing may be named without a flag that something stays unexplained;
 //! what is named all the same is compared with the truth on held-out touches (`deleted.rs`).
 //! Intervals are Wilson's at 95 %. Metres.

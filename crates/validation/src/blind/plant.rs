@@ -14,7 +14,7 @@ use super::causes::{Cause, Moment};
 use super::scene::{Axis, Scene, Shape, Touch, warmth};
 use effects::session::{Session, seconds};
 
-/// Begin of every blind session, s since 1970.
+/// Start of every blind session, s since 1970.
 const EPOCH: f64 = 1.7e9;
 /// Keeps the noise of references apart from the other draws of a seed.
 const REFERENCE: u64 = 0x5e7e_11e5;

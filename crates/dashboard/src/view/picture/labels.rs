@@ -14,7 +14,7 @@ const STEPS: [f64; 9] = [-0.5, 0.9, -1.5, 1.9, -2.5, 2.9, -3.5, 3.9, -4.5];
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Label {
     pub(super) text: String,
-    /// Pixels; end of the text where `right`, else its begin.
+    /// Pixels; end of the text where `right`, else its start.
     pub(super) x: f64,
     /// Pixels, base line.
     pub(super) y: f64,

@@ -18,7 +18,7 @@ use super::{
 
 /// m or rad by which a latched position may lie off the path of its probing move.
 const BESIDE: f64 = 100e-6;
-/// Share of a probing move by which a latched position may lie before its begin or behind its end.
+/// Share of a probing move by which a latched position may lie before its start or beyond its end.
 const BEYOND: f64 = 0.02;
 /// In which the first touch has to come, in addition to the time that the moves take.
 const BEGIN_LIMIT: Duration = Duration::from_secs(60);
@@ -29,7 +29,7 @@ const BUSY_LIMIT: Duration = Duration::from_secs(5);
 pub(super) struct Measurement {
     pub(super) command: ControllerCommand,
     pub(super) order: MeasurementOrder,
-    /// Place of its begin in what was received.
+    /// Index of its start in what was received.
     pub(super) mark: usize,
     /// In which it has to end.
     pub(super) limit: Duration,

@@ -48,7 +48,7 @@ pub(crate) struct Arguments {
     /// Wait this long for the driver, s.
     #[arg(long, default_value_t = 30.0, value_parser = seconds)]
     wait: f64,
-    /// Cut this operation before measuring; may be repeated. Without it the part has to be clamped, and finished.
+    /// Cut this operation before measuring; may be repeated. Without it, a finished part must already be clamped.
     #[arg(long, value_name = "OPERATION")]
     cut: Vec<String>,
     /// Check samples and commands only: no axis moves.

@@ -22,7 +22,7 @@ const STANDING: Duration = Duration::from_millis(600);
 const STILL: f64 = 20e-6;
 /// In which the driver has to have stopped its machine, and said so, once the gate is silent.
 const SILENCE_LIMIT: Duration = Duration::from_secs(3);
-/// Begin of the text of a reply to what ended for want of a gate.
+/// Prefix of the text of a reply to what ended for want of a gate.
 const GATE_LOST: &str = "gate_lost: ";
 
 /// All three.

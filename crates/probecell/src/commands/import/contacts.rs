@@ -53,10 +53,10 @@ pub(crate) struct Arguments {
     /// Radius of the stylus ball, where the plan does not say it.
     #[arg(long, value_name = "MM")]
     ball_radius_mm: Option<f64>,
-    /// By how much the signal comes later than the contact.
+    /// Delay of the signal after the contact.
     #[arg(long, value_name = "MS", default_value_t = 0.0)]
     delay_ms: f64,
-    /// Standard uncertainty of the instant of a contact; times the speed it adds to that of a touch.
+    /// Standard uncertainty of the instant of contact; multiplied by the speed, it contributes to that of a touch.
     #[arg(
         long,
         value_name = "MS",
@@ -64,10 +64,10 @@ pub(crate) struct Arguments {
         requires = "touch_uncertainty_um"
     )]
     time_uncertainty_ms: f64,
-    /// A touch lies no farther from its point of the plan than this.
+    /// Maximum distance of a touch from its point of the plan.
     #[arg(long, value_name = "MM", default_value_t = 2.0)]
     within_mm: f64,
-    /// Leave contacts out that belong to no point of the plan; they are listed, and the exit status is 3.
+    /// Skip contacts that match no point of the plan; they are listed, and the exit status is 3.
     #[arg(long)]
     skip_strays: bool,
     #[command(flatten)]
