@@ -216,7 +216,8 @@ fn the_gap_names_the_whole_group_and_no_remedy_where_it_is_ambiguous() {
         "{shown}"
     );
     assert!(
-        report.contains("8 touches (68 % chance") && shown.contains("8 touches: 68 % chance"),
+        report.contains("8 touches (probability 68 % that one")
+            && shown.contains("8 touches: 68 % chance"),
         "{shown}"
     );
     assert!(!shown.contains("Remedy"), "{shown}");
