@@ -168,7 +168,7 @@ fn of_imported(imported: &Imported, name: String, cell: Option<&Cell>, given: &G
         measured: Arc::new(diagnosis::Session {
             name,
             declared: declared.unwrap_or_default(),
-            ..recorded::import::session(imported)
+            ..session_io::import::session(imported)
         }),
         analysis: cell.map(|cell| cell.analysis.clone()),
         notes,
