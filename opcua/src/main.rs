@@ -24,8 +24,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use confinement::{Rights, Sockets, confine};
-use telemetry::{Cell, Update};
 use opcua::server::{ServerBuilder, ServerHandle};
+use telemetry::{Cell, Update};
 use tracing_subscriber::EnvFilter;
 
 use manager::CellManager;
@@ -87,7 +87,8 @@ fn begin(input: &mut StdinLock<'_>) -> Result<Option<(Cell, Vec<Update>)>, Strin
 }
 
 fn read(line: &str) -> Result<Update, String> {
-    telemetry::read(line).map_err(|error| format!("a line of standard input is not an update: {error}"))
+    telemetry::read(line)
+        .map_err(|error| format!("a line of standard input is not an update: {error}"))
 }
 
 fn run(arguments: &Arguments) -> Result<(), String> {

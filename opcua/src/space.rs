@@ -3,12 +3,12 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
 
-use telemetry::{Characteristic, Gap, Measured, State, Update};
 use opcua::nodes::{BaseEventType, Event};
 use opcua::server::SubscriptionCache;
 use opcua::types::{
     ByteString, DataValue, DateTime, ExtensionObject, LocalizedText, NodeId, QualifiedName, Variant,
 };
+use telemetry::{Characteristic, Gap, Measured, State, Update};
 
 use crate::event::{MeasurementReady, ResultField, ResultReady};
 use crate::manager::{CellManager, Kept};

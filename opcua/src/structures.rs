@@ -1,11 +1,11 @@
 //! Values of the structured data types: of Machinery Result, and of our own namespace. Fields stand in the order of the type's
 //! definition ([`crate::model`]).
 
-use telemetry::{Cause, Characteristic, Evaluation, Gap, Measured, Stage};
 use opcua::types::{
     BinaryEncodable, DateTime, ExpandedMessageInfo, ExpandedNodeId, ExtensionObject, LocalizedText,
     UAString, UaNullable, Variant,
 };
+use telemetry::{Cause, Characteristic, Evaluation, Gap, Measured, Stage};
 
 use crate::model::{OWN, RESULT, encodings};
 

@@ -22,7 +22,9 @@ pub(crate) struct PartRecord {
 
 impl PartRecord {
     pub(crate) fn read(py: Python<'_>, path: &Path) -> PyResult<Self> {
-        let (session, found) = py.detach(|| session_io::record::read(path)).map_err(input)?;
+        let (session, found) = py
+            .detach(|| session_io::record::read(path))
+            .map_err(input)?;
         damage(py, &found)?;
         Ok(Self {
             path: path.to_owned(),
