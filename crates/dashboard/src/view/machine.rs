@@ -125,7 +125,7 @@ fn days(sessions: &[Summary]) -> Markup {
                     tbody { @for (day, made) in days {
                         @let index = capable(made);
                         @let sound = sound(made);
-                        tr { th scope="row" { (day) } td.number { (made.len()) @if made.len() > sound.len() { small { (made.len() - sound.len()) " contradicted" } } } td.number { (signed_um(mean(&sound))) }
+                        tr { th scope="row" { (day) } td.number { (made.len()) @if made.len() > sound.len() { small { (made.len() - sound.len()) " contradicted" } } } td.number { @if sound.is_empty() { "–" } @else { (signed_um(mean(&sound))) } }
                             @if let Some(one) = index { td.number { (um(one.deviation)) } td.number { (cpk(&one)) } } @else { td.number { "–" } td { (no_index(sound.len(), limits_of(made).is_some())) } }
                         }
                     } }
@@ -164,7 +164,6 @@ fn sound<'a>(made: &[&'a Sized]) -> Vec<&'a Sized> {
     all.filter(|one| !one.contradicted).collect()
 }
 
-/// NaN of none.
 fn mean(made: &[&Sized]) -> f64 {
     made.iter().map(|one| one.deviation).sum::<f64>() / made.len() as f64
 }
