@@ -125,7 +125,7 @@ fn days(sessions: &[Summary]) -> Markup {
                     tbody { @for (day, made) in days {
                         @let index = capable(made);
                         @let sound = sound(made);
-                        tr { th scope="row" { (day) } td.number { (made.len()) @if made.len() > sound.len() { small { (made.len() - sound.len()) " contradicted" } } } td.number { @if sound.is_empty() { "–" } @else { (signed_um(mean(&sound))) } }
+                        tr { th scope="row" { (day) } td.number { (made.len()) @if made.len() > sound.len() { small { (made.len() - sound.len()) " contradicted" } } } td.number { (signed_um(mean(if sound.is_empty() { made } else { &sound }))) }
                             @if let Some(one) = index { td.number { (um(one.deviation)) } td.number { (cpk(&one)) } } @else { td.number { "–" } td { (no_index(sound.len(), limits_of(made).is_some())) } }
                         }
                     } }
