@@ -138,17 +138,18 @@ fn days(sessions: &[Summary]) -> Markup {
 /// All parts of a characteristic.
 fn in_words(made: &[&Sized]) -> String {
     let sound = sound(made);
-    let mut what = counted(made.len(), "part");
-    if made.len() > sound.len() {
-        let count = made.len() - sound.len();
-        let be = if count == 1 { "is" } else { "are" };
-        what +=
-            &format!(", of which {count} {be} not counted: a reference contradicts the readings");
-    }
+    let doubted = match made.len() - sound.len() {
+        0 => String::new(),
+        1 => ", of which 1 is not counted: a reference contradicts the readings".to_owned(),
+        count => {
+            format!(", of which {count} are not counted: a reference contradicts the readings")
+        }
+    };
+    let parts = counted(made.len(), "part");
     if sound.is_empty() {
-        return what;
+        return format!("{parts}{doubted}");
     }
-    what += &format!(", mean {} µm", signed_um(mean(&sound)));
+    let what = format!("{parts}{doubted}, mean {} µm", signed_um(mean(&sound)));
     capable(made).map_or_else(
         || {
             let why = no_index(sound.len(), limits_of(made).is_some());
