@@ -276,8 +276,9 @@ mod tests {
         let Summary { applied, sizes, .. } = summary(&hall);
         // Of the blanks and of the finished part alike: readings of one probe.
         let contradicted = |feature: &str| {
-            let made = sizes.iter().filter(|(key, _)| key.1 == feature);
-            made.flat_map(|(_, made)| made).all(|one| one.contradicted)
+            let of_it = sizes.iter().filter(|(key, _)| key.1 == feature);
+            let made: Vec<&Sized> = of_it.flat_map(|(_, made)| made).collect();
+            !made.is_empty() && made.iter().all(|one| one.contradicted)
         };
         for feature in ["D1", "D2", "L1", "L2", "L3", "flat_1", "flat_6"] {
             assert!(contradicted(feature), "{feature}");

@@ -73,7 +73,7 @@ impl Priors {
 /// Evidence of the sets that were solved already.
 pub type EvidenceCache = BTreeMap<Vec<usize>, Variances>;
 
-/// ScoredSet sets, best first; what is `known` of the same products is not computed again.
+/// Scored sets, best first; what is `known` of the same products is not computed again.
 pub fn search(
     products: &InnerProducts,
     priors: &Priors,

@@ -48,11 +48,11 @@ pub(crate) struct Shared {
     pub(crate) watching: Clients,
     /// One page of a report at a time.
     pub(crate) making: Arc<Semaphore>,
-    pub(crate) made: Arc<Mutex<Vec<RunChartPoint>>>,
+    pub(crate) made: Arc<Mutex<Vec<ReportPage>>>,
 }
 
 /// A page of a report: of which file, which kind, how old the file is, its text.
-pub(crate) type RunChartPoint = (PathBuf, &'static str, u64, String);
+pub(crate) type ReportPage = (PathBuf, &'static str, u64, String);
 
 /// A page as an answer.
 pub(super) fn page(markup: maud::Markup) -> Response {

@@ -124,9 +124,6 @@ impl Ledger {
                 changed = true;
             }
         }
-        if verdict.verdict == Verdict::CONTRADICTED {
-            changed |= self.contradicted(&verdict.plan_id, &verdict.feature_id);
-        }
         changed
     }
 
