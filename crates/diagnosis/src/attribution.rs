@@ -20,21 +20,22 @@ use std::rc::Rc;
 use effects::discrepancy::{depends_on, grid};
 use effects::observation::Observations;
 use inference::candidate::Candidate;
+use inference::columns::{Columns, Rows};
 use inference::cross_validation::TouchBlocks;
 use inference::discrepancy::{Discrepancy, Kind};
-use inference::evidence::InnerProducts;
 use inference::linear::{SPANNED, orthonormal, whitened};
 use inference::posterior::{Model, ModelPosterior};
 use inference::search::{MAX_EFFECTS, ScoredSet, exchange, extend, prune};
+use inference::whitened::Design;
 
 use candidate_pool::{CandidatePool, Shapes};
-use with_discrepancy::{UNKNOWN, score_with_discrepancies, search_anew};
+use with_discrepancy::{UNKNOWN, powers, score_with_discrepancies, search_anew};
 
 /// Prior probability of AR(1) touch noise.
 const AR1_NOISE: f64 = 0.05;
 /// Lag-1 correlations of the touch noise that are tried.
 const CORRELATIONS: [f64; 5] = [0.2, 0.4, 0.6, 0.75, 0.85];
-/// A lag-1 correlation below this many standard errors is not tried.
+/// Correlated noise is tried where it is better than uncorrelated by so many standard deviations: a log likelihood ratio of half the square.
 const CHANCE: f64 = 2.5;
 /// Rounds of shape scans beside the best sets.
 const SCANS: usize = 2;
@@ -56,16 +57,26 @@ pub(crate) fn attribute_with(
     before: Option<&ModelPosterior>,
 ) -> ModelPosterior {
     let white = with_noise(shapes, y, active, 0.0, before);
-    let Some(lag1_correlation) = estimate_lag1(shapes.observations, &white) else {
-        return white;
-    };
-    let red = with_noise(shapes, y, active, lag1_correlation, Some(&white));
-    let log_posterior = |attribution: &ModelPosterior| attribution.models[0].log_posterior;
-    if log_posterior(&red) > log_posterior(&white) {
-        red
-    } else {
-        white
+    let plain = white
+        .models
+        .iter()
+        .find(|model| model.discrepancy.is_none());
+    // What is unknown leaves correlated residuals too: beside it the noise may have another lag-1 correlation, or none.
+    let beside = white.models.first().filter(|model| white.is_unknown(model));
+    let models = plain.into_iter().chain(beside);
+    let mut correlations: Vec<f64> = models
+        .filter_map(|model| estimate_lag1(&white, model))
+        .collect();
+    correlations.dedup();
+    let mut best = None;
+    for lag1_correlation in correlations {
+        let red = with_noise(shapes, y, active, lag1_correlation, Some(&white));
+        let known = best.as_ref().unwrap_or(&white);
+        if red.models[0].log_posterior > known.models[0].log_posterior {
+            best = Some(red);
+        }
     }
+    best.unwrap_or(white)
 }
 
 /// The model posterior with noise of a given lag-1 correlation.
@@ -104,38 +115,35 @@ fn with_noise(
     finish(pool, &scored)
 }
 
-/// Lag-1 correlation of the residuals of successive touches that has the highest evidence; `None` below [`CHANCE`].
-fn estimate_lag1(observations: &Observations, white: &ModelPosterior) -> Option<f64> {
-    let plain = white
-        .models
-        .iter()
-        .find(|model| model.discrepancy.is_none())?;
-    let residuals = white.residuals(plain)?;
-    let used: Vec<f64> = (residuals.iter().zip(&white.active))
-        .take(observations.touches())
-        .filter(|&(_, &used)| used)
-        .map(|(&value, _)| value)
-        .collect();
-    let power: f64 = used.iter().map(|value| value * value).sum();
-    let along: f64 = used.windows(2).map(|pair| pair[0] * pair[1]).sum();
-    let lag1_correlation = along / power.max(f64::MIN_POSITIVE);
-    if lag1_correlation < CHANCE / (used.len() as f64).sqrt() {
-        return None;
-    }
-    let blocks: Vec<&[Vec<f64>]> = plain
-        .set
-        .iter()
-        .map(|&member| white.candidates[member].block.as_slice())
-        .collect();
+/// Lag-1 correlation of the touch noise that has the highest evidence with the effects and the discrepancy of a model; `None` where
+/// uncorrelated noise is as good within [`CHANCE`].
+fn estimate_lag1(white: &ModelPosterior, model: &Model) -> Option<f64> {
+    let members = || model.set.iter().map(|&member| &white.candidates[member]);
+    let blocks: Vec<&[Vec<f64>]> = members().map(|member| member.block.as_slice()).collect();
     let set: Vec<usize> = (0..blocks.len()).collect();
     let evidence = |lag1_correlation: f64| {
-        let touches = observations.touches();
-        InnerProducts::with_lag1(&blocks, &white.y, &white.active, touches, lag1_correlation)
-            .log_evidence(&set)
+        let rows = Rows {
+            lag1_correlation,
+            ..white.rows()
+        };
+        let products = Columns::new(rows.clone(), blocks.iter().copied())
+            .products(std::iter::empty(), &white.y);
+        let Some((index, _)) = model.discrepancy else {
+            return products.log_evidence(&set);
+        };
+        let discrepancy = white.discrepancies[index].whitened_for(&rows);
+        let design = Design::new(members(), &white.y, &rows);
+        let whitened = design.with_discrepancy(&discrepancy);
+        (powers(&discrepancy).iter())
+            .map(|&power| whitened.products(power, &products).log_evidence(&set))
+            .fold(f64::NEG_INFINITY, f64::max)
     };
-    CORRELATIONS
-        .into_iter()
-        .max_by(|&a, &b| evidence(a).total_cmp(&evidence(b)))
+    let least = evidence(0.0) + 0.5 * CHANCE * CHANCE;
+    (CORRELATIONS.into_iter())
+        .map(|lag1_correlation| (evidence(lag1_correlation), lag1_correlation))
+        .filter(|&(evidence, _)| evidence > least)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, lag1_correlation)| lag1_correlation)
 }
 
 /// The best set of each size up to `most`, and the best of all.
