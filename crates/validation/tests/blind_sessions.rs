@@ -110,7 +110,7 @@ fn something_unknown_stands_beside_correlated_noise_too() {
 #[test]
 fn known_effects_do_not_stand_for_correlated_noise_beside_something_unknown() {
     for number in [4, 15] {
-        let trial = Trial::StrangeCorrelated;
+        let trial = Trial::Hidden(Content::StrangeCorrelated);
         let judged = judge(&Stage::made_up(), trial.seed(779_022_852, number), trial).unwrap();
         assert!(judged.flagged(), "{number}: {}", judged.report);
         assert!(
