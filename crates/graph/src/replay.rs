@@ -133,6 +133,14 @@ impl Player<'_> {
             {
                 ((restart & !UNJOURNALED) + 1, 1)
             }
+            // Of a process whose first messages were lost on their way here; else it is a message that comes twice.
+            Some(&(restart, last)) if step.sequence <= last => {
+                let later = at().filter(|&process| {
+                    process > restart & !UNJOURNALED
+                        && session.is_published(topic, (process, step.sequence), step.now)
+                });
+                (later.unwrap_or(restart), step.sequence)
+            }
             Some(&(restart, _)) => (restart, step.sequence),
             None => (at().unwrap_or(0), step.sequence),
         }

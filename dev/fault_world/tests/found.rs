@@ -1,6 +1,6 @@
 //! Counterexamples that seeds have found, as shortened: each is repeated here with what it needed.
 
-use fault_world::{Cells, Fault, Kind, run};
+use fault_world::{Cells, Fault, Kind, Route, run};
 
 fn holds(seed: u64, faults: &[(f64, Kind)]) {
     let cells = Cells::default();
@@ -34,6 +34,23 @@ fn a_step_takes_nothing_that_was_published_and_recorded_after_it() {
             (67.72, Kind::CellRestart(5.8)),
             (77.09, Kind::Run(true)),
             (101.77, Kind::Kill("simulator", 3.92, true)),
+        ],
+    );
+}
+
+/// A replay took a message of a process that had been started anew, whose first message was lost on its way, for a repetition of the
+/// message of the same number from the process before.
+#[test]
+fn a_process_whose_first_message_is_lost_is_not_taken_for_the_one_before() {
+    let to_planning = Route {
+        topic: "operation_requests",
+        to: "path_planning",
+    };
+    holds(
+        305_013,
+        &[
+            (105.37, Kind::Kill("cycle", 3.18, true)),
+            (108.75, Kind::Lose(to_planning, 3.68, 1)),
         ],
     );
 }
