@@ -257,7 +257,8 @@ def main():
     for page in book:
         if wanted not in str(page.relative_to(DOCS)):
             continue
-        if re.search(r"^\$ probecell (lake|fleet) ", page.read_text(), re.MULTILINE) and not shutil.which("probecell-fleet", path=search_path()):
+        asks_lake = re.search(r"^\$ probecell (lake|fleet) ", included(page), re.MULTILINE)
+        if asks_lake and not shutil.which("probecell-fleet", path=search_path()):
             print(f"skipped: {page.relative_to(DOCS)}, which runs probecell-fleet: .ci/run fleet builds it and runs the page")
             continue
         with tempfile.TemporaryDirectory() as folder:

@@ -20,9 +20,10 @@ use std::rc::Rc;
 use effects::discrepancy::{depends_on, grid};
 use effects::observation::Observations;
 use inference::candidate::Candidate;
-use inference::columns::{Columns, Rows};
+use inference::columns::Rows;
 use inference::cross_validation::TouchBlocks;
 use inference::discrepancy::{Discrepancy, Kind};
+use inference::evidence::InnerProducts;
 use inference::linear::{SPANNED, orthonormal, whitened};
 use inference::posterior::{Model, ModelPosterior};
 use inference::search::{MAX_EFFECTS, ScoredSet, exchange, extend, prune};
@@ -122,14 +123,19 @@ fn estimate_lag1(white: &ModelPosterior, model: &Model) -> Option<f64> {
     let blocks: Vec<&[Vec<f64>]> = members().map(|member| member.block.as_slice()).collect();
     let set: Vec<usize> = (0..blocks.len()).collect();
     let evidence = |lag1_correlation: f64| {
+        let products = InnerProducts::with_lag1(
+            &blocks,
+            &white.y,
+            &white.active,
+            white.touches,
+            lag1_correlation,
+        );
+        let Some((index, _)) = model.discrepancy else {
+            return products.log_evidence(&set);
+        };
         let rows = Rows {
             lag1_correlation,
             ..white.rows()
-        };
-        let products = Columns::new(rows.clone(), blocks.iter().copied())
-            .products(std::iter::empty(), &white.y);
-        let Some((index, _)) = model.discrepancy else {
-            return products.log_evidence(&set);
         };
         let discrepancy = white.discrepancies[index].whitened_for(&rows);
         let design = Design::new(members(), &white.y, &rows);
