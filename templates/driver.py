@@ -10,6 +10,7 @@ from rmw_zenoh import Bus, arguments
 
 PERIOD = 0.01  # s between two samples
 RUN_OPERATION, RUN_MEASUREMENT, SET_TOOL_WEAR, STOP = 0, 1, 2, 4  # kinds of commands; the others are refused
+GATE_SILENCE = 1.0  # s without a sign of life of the gate
 DONE, REFUSED, FAILED, TOUCH = 0, 1, 2, 2  # outcomes, and the kind of a probing move
 
 class Machine:
@@ -77,7 +78,9 @@ class Driver:
         elif name == "ControllerCommand":
             self.heard = time.monotonic()
             self.obey(message)
-        elif (message.started, message.count) > self.gate:  # a sign of life that was not counted yet
+        elif (message.started, message.count) > self.gate or (  # a sign of life that was not counted yet, or of a successor
+            message.started != self.gate[0] and time.monotonic() - self.heard > GATE_SILENCE
+        ):
             if self.gate[0] not in (0, message.started):
                 self.stop("gate_lost: machine_state is another process than before")
             self.gate, self.heard = (message.started, message.count), time.monotonic()
@@ -126,7 +129,7 @@ class Driver:
     def tick(self):
         while not self.bus.incoming.empty():
             self.take(*self.bus.incoming.get())
-        if time.monotonic() - self.heard > 1.0:
+        if time.monotonic() - self.heard > GATE_SILENCE:
             self.stop("gate_lost: machine_state has fallen silent")
         waiting, order = self.command and not self.program, self.order
         if waiting and order and order.plan_id == self.command.plan_id and list(order.order) == list(self.command.order):

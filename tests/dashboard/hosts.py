@@ -124,6 +124,7 @@ def parts(browser, hall, files, folder, there, host, cable):
             page.goto(f"{cable.address if name == 'mill_a' else f'http://{ADDRESS}'}/cell/{name}")
             page.evaluate(DELAYS)
         asked = [Process("run", names[name], "--cell", file, folder=folder if name == "mill_a" else there, host=None if name == "mill_a" else host) for name, file in files.items()]
+        ended = lambda name: wait(hall, f"/{names[name]}, (qualified|measured only|stopped|scrap)/.test({tile(name)})")
         for name, page in pages.items():
             wait(hall, f"{tile(name)}.includes('{names[name]}')")
             wait(page, "document.querySelectorAll('#part g.touch').length >= 5")
@@ -137,8 +138,13 @@ def parts(browser, hall, files, folder, there, host, cable):
             delays = sorted(page.evaluate("window.delays"))
             print(f"{name}: {len(delays)} touches came to the page, ms from the touch: median {delays[len(delays) // 2]}, most {delays[-1]}")
 
-        # What happened during the cut is told by number and kind.
+        # What happened during the cut is told by number and kind. The part before may have ended: the next one is just begun.
+        ended("mill_a")
+        names["mill_a"] = "next_a"
         told_at = lambda: metric("cell_touches_total", "mill_a")
+        least = told_at()
+        asked.append(Process("run", names["mill_a"], "--cell", files["mill_a"], folder=folder))
+        until("touches of the next part", lambda: told_at() > least)
         before = told_at()
         cable.cut()
         begun = time.monotonic()
@@ -161,7 +167,7 @@ def parts(browser, hall, files, folder, there, host, cable):
         print("cell: after a cut:", notice)
 
         for name in files:
-            wait(hall, f"/{names[name]}, (qualified|measured only|stopped|scrap)/.test({tile(name)})")
+            ended(name)
         for one in asked:
             one.end()
 

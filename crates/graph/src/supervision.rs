@@ -24,9 +24,12 @@ pub struct GateWatch {
 
 impl GateWatch {
     /// Takes a sign of life at the instant `now`. True when it is the first of another process than the one known. A
-    /// heartbeat that was counted already, or that comes late from an earlier process, is none.
+    /// heartbeat that was counted already, or that comes late from an earlier process, is none. Which process is the later
+    /// one, its start tells, unless the wall clock was set back in between: once the known one is silent, any other has
+    /// succeeded it.
     pub fn beat(&mut self, now: Stamp, beat: &GateHeartbeat) -> bool {
-        if (beat.started, beat.count) <= (self.started, self.count) {
+        let succeeds = beat.started != self.started && self.is_silent(now);
+        if !succeeds && (beat.started, beat.count) <= (self.started, self.count) {
             return false;
         }
         let replaced = self.started != 0 && beat.started != self.started;
@@ -79,5 +82,18 @@ mod tests {
         assert!(!watch.beat(Stamp(0), &beat(7, 30)));
         assert!(watch.beat(Stamp(1), &beat(8, 1)));
         assert!(!watch.beat(Stamp(2), &beat(8, 2)));
+    }
+
+    #[test]
+    fn a_process_by_a_clock_set_back_succeeds_the_known_one_once_that_is_silent() {
+        let mut watch = GateWatch::default();
+        let after = |seconds| Stamp(0).after_s(seconds);
+        assert!(!watch.beat(after(0.0), &beat(8, 900)));
+        assert!(!watch.beat(after(0.9), &beat(7, 1)));
+        assert!(watch.is_silent(after(1.1)));
+        assert!(watch.beat(after(1.1), &beat(7, 3)));
+        assert!(!watch.beat(after(1.2), &beat(7, 4)));
+        assert!(!watch.is_silent(after(2.0)));
+        assert!(watch.is_silent(after(2.3)));
     }
 }

@@ -54,3 +54,15 @@ fn a_process_whose_first_message_is_lost_is_not_taken_for_the_one_before() {
         ],
     );
 }
+
+/// A driver that kept running took a gate that was started by a clock set back for an earlier one, and every part was stopped.
+#[test]
+fn a_gate_by_a_clock_set_back_is_the_gate_once_the_one_before_is_silent() {
+    holds(
+        300_105,
+        &[
+            (14.48, Kind::CellRestart(947.89)),
+            (27.93, Kind::CellRestart(-864.27)),
+        ],
+    );
+}

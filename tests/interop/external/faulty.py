@@ -43,6 +43,7 @@ LINES = {
     "needs_its_order_first": ("controller_replies.outcome:", "came REFUSED", "no such order"),
     "deaf_to_silence": ("silent gate: controller_replies",),
     "blind_to_another_gate": ("replaced gate: controller_replies",),
+    "deaf_to_a_clock_set_back": ("gate by a clock set back: controller_replies.outcome:", "DONE, came FAILED"),
     "lost_without_code": ("silent gate: controller_replies.text:", "gate_lost"),
 }
 
@@ -126,6 +127,8 @@ class FaultyDriver(Driver):
     def take(self, name, message):
         if self.fault == "blind_to_another_gate" and name == "GateHeartbeat":
             self.heard = time.monotonic()
+            return
+        if self.fault == "deaf_to_a_clock_set_back" and name == "GateHeartbeat" and message.started < self.gate[0]:
             return
         super().take(name, message)
 

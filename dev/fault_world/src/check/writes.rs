@@ -97,7 +97,10 @@ impl Writes {
             ("simulator", topic) if topic == topics::GATE_HEARTBEAT.name => {
                 let beat: GateHeartbeat = read(&taken.payload);
                 let key = (beat.started, beat.count);
-                if self.gate.is_none_or(|(known, _)| key > known) {
+                // One by a clock that was set back is the gate once the known one is silent.
+                if self.gate.is_none_or(|(known, heard)| {
+                    key > known || key.0 != known.0 && taken.now.since_s(heard) > SILENCE
+                }) {
                     self.gate = Some((key, taken.now));
                 }
             }

@@ -21,6 +21,9 @@ use probecell_msgs::{
     MeasurementOrder, Message, ProbeTrigger, from_cdr, to_cdr,
 };
 
+/// ns by which the wall clock is set back before another process of the gate is started.
+const SET_BACK: u64 = 3_600_000_000_000;
+
 /// What came from the driver.
 pub(super) enum What {
     Status(Box<ControllerStatus>),
@@ -142,6 +145,11 @@ impl Gate {
     /// Gives signs of life as another process does.
     pub(super) fn be_replaced(&self) {
         self.with_beats(|beats| (beats.started, beats.count) = (beats.started + 1, 0));
+    }
+
+    /// Gives signs of life as another process does whose clock was set back before it was started.
+    pub(super) fn be_set_back(&self) {
+        self.with_beats(|beats| (beats.started, beats.count) = (beats.started - SET_BACK, 0));
     }
 
     /// Absolute name of a topic.

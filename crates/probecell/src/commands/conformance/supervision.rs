@@ -1,4 +1,5 @@
-//! What ends a measurement: a STOP, a gate that falls silent, and one that is another process than before.
+//! What ends a measurement: a STOP, a gate that falls silent, and one that is another process than before; and that a gate by
+//! a clock that was set back is one.
 
 use std::time::{Duration, Instant};
 
@@ -25,7 +26,7 @@ const SILENCE_LIMIT: Duration = Duration::from_secs(3);
 /// Prefix of the text of a reply to what ended for want of a gate.
 const GATE_LOST: &str = "gate_lost: ";
 
-/// All three.
+/// All of it.
 pub(super) fn check(gate: &mut Gate, judge: &mut Judge, cell: &Cell) -> anyhow::Result<()> {
     let chain = cell.chain()?;
     stop(gate, judge, cell, &chain)?;
@@ -35,12 +36,19 @@ pub(super) fn check(gate: &mut Gate, judge: &mut Judge, cell: &Cell) -> anyhow::
         gate.be_silent(true);
         let silent = Instant::now();
         lost(gate, judge, &run, silent, &chain);
-        gate.be_silent(false);
+        gate.be_set_back();
     }
     end_run(gate, &run);
     judge.end(&format!(
         "the machine stops, {GATE_SILENCE} s after the last sign of life"
     ));
+
+    judge.begin("gate by a clock set back");
+    let run = begin(gate, cell, false)?;
+    let done = (ControllerReply::DONE, run.limit);
+    outcome(gate, judge, run.mark, &run.command, done);
+    end_run(gate, &run);
+    judge.end("heartbeats of a process with an earlier start count once the known one is silent");
 
     judge.begin("replaced gate");
     let run = begin(gate, cell, false)?;
