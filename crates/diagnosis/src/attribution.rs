@@ -344,12 +344,13 @@ fn add_switching(
         .filter(|kind| *kind != Kind::Switching)
         .collect();
     let mut known: Vec<Vec<usize>> = Vec::new();
+    let first_of_all = discrepancies.len();
     for _ in 0..=STATES {
         sets.retain(|set| !known.contains(set));
         let switching = switching::beside(pool, &sets, kinds.len());
         known.append(&mut sets);
         if switching.is_empty() {
-            return;
+            break;
         }
         let first = discrepancies.len();
         // What the states were estimated beside may be in no set that is good without them.
@@ -370,12 +371,37 @@ fn add_switching(
             let own = models.iter().filter(of);
             own.max_by(|one, other| one.log_posterior.total_cmp(&other.log_posterior))
         };
-        sets = [best(true), best(false)]
-            .into_iter()
-            .flatten()
-            .map(|model| model.set.clone())
+        sets = (best(true).into_iter())
+            .flat_map(|model| with_one_less(&model.set))
             .collect();
+        let other = best(false).map(|model| model.set.clone());
+        sets.extend(other.filter(|other| !sets.contains(other)));
     }
+    // The place that was nominal was chosen beside sets that may lack what the search has found since.
+    let best =
+        (models.iter()).max_by(|one, other| one.log_posterior.total_cmp(&other.log_posterior));
+    let found = best.and_then(|model| model.discrepancy);
+    if let Some((index, power)) = found.filter(|&(index, _)| index >= first_of_all) {
+        let alike = switching::same_states(index - first_of_all);
+        for other in alike
+            .map(|place| first_of_all + place)
+            .filter(|&other| other != index)
+        {
+            let searched = search_anew(pool, discrepancies, (other, power));
+            models.extend(searched.into_iter().map(|model| noisy(model, noise)));
+        }
+    }
+}
+
+/// A set, and it without each of its effects, which may stand for states that are wrong.
+fn with_one_less(set: &[usize]) -> Vec<Vec<usize>> {
+    let without = |removed: &usize| {
+        let others = set.iter().filter(|member| *member != removed);
+        others.copied().collect()
+    };
+    std::iter::once(set.to_vec())
+        .chain(set.iter().map(without))
+        .collect()
 }
 
 /// Discrepancies orthogonal to the library: a dependence on a covariate competes with no effect that depends on it.

@@ -125,23 +125,21 @@ impl Player<'_> {
             {
                 (restart | UNJOURNALED, 1)
             }
-            // A message that comes twice is not of another process where the journal knows of none.
-            Some(&(restart, last))
-                if step.sequence <= last
-                    && step.sequence == 1
-                    && at().is_none_or(|process| process > restart & !UNJOURNALED) =>
-            {
-                ((restart & !UNJOURNALED) + 1, 1)
+            // Of the latest process that has published this number, though others were lost on their way here; else it is a
+            // message that comes twice, or the next of the process before.
+            Some(&(restart, last)) => {
+                let former = restart & !UNJOURNALED;
+                let published = |process: &u32| {
+                    session.is_published(topic, (*process, step.sequence), step.now)
+                };
+                let later = at().and_then(|now| (former + 1..=now).rev().find(published));
+                // The recording may lack the first message of the next process.
+                let begins = step.sequence == 1
+                    && step.sequence <= last
+                    && at().is_none_or(|process| process > former);
+                let next = begins.then_some(former + 1);
+                (later.or(next).unwrap_or(restart), step.sequence)
             }
-            // Of a process whose first messages were lost on their way here; else it is a message that comes twice.
-            Some(&(restart, last)) if step.sequence <= last => {
-                let later = at().filter(|&process| {
-                    process > restart & !UNJOURNALED
-                        && session.is_published(topic, (process, step.sequence), step.now)
-                });
-                (later.unwrap_or(restart), step.sequence)
-            }
-            Some(&(restart, _)) => (restart, step.sequence),
             None => (at().unwrap_or(0), step.sequence),
         }
     }

@@ -66,3 +66,32 @@ fn a_gate_by_a_clock_set_back_is_the_gate_once_the_one_before_is_silent() {
         ],
     );
 }
+
+/// A replay took the first message of the third process of a node for that of the second, which was lost on its way.
+#[test]
+fn a_message_is_of_the_latest_process_that_has_published_its_number() {
+    let to_analysis = Route {
+        topic: "inspection_plan",
+        to: "analysis",
+    };
+    holds(
+        300_409,
+        &[
+            (33.68, Kind::Kill("path_planning", 0.11, true)),
+            (38.62, Kind::Lose(to_analysis, 15.2, 3)),
+            (55.31, Kind::Kill("path_planning", 4.25, true)),
+        ],
+    );
+    let to_gate = Route {
+        topic: "part_status",
+        to: "machine_state",
+    };
+    holds(
+        400_809,
+        &[
+            (0.86, Kind::Lose(to_gate, 2.83, 1)),
+            (1.78, Kind::Kill("cycle", 0.45, true)),
+            (13.50, Kind::Run(false)),
+        ],
+    );
+}

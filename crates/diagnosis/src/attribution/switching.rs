@@ -4,6 +4,7 @@
 //! ([`inference::switching`]); given them, the displacement is a process of few directions like any other discrepancy, and the
 //! probability of their sequence stands in its prior. The nominal place may be either state, or lie between them. Metres.
 
+use std::ops::Range;
 use std::rc::Rc;
 
 use effects::discrepancy::switching as loadings;
@@ -23,7 +24,8 @@ const LASTS: usize = 3;
 /// Probability of a state at the start, where the sign of the residual says so.
 const LIKELY: f64 = 0.9;
 
-/// Switching discrepancies beside each of some sets; `kinds` is the number of other kinds of discrepancies.
+/// Switching discrepancies beside each of some sets, those of the same states one after the other; `kinds` is the number of other
+/// kinds of discrepancies.
 pub(super) fn beside(
     pool: &CandidatePool<'_>,
     sets: &[Vec<usize>],
@@ -69,6 +71,12 @@ pub(super) fn beside(
         }
     }
     found
+}
+
+/// Places among those discrepancies of the ones that have the states of the one at this place.
+pub(super) fn same_states(place: usize) -> Range<usize> {
+    let first = place - place % NOMINAL.len();
+    first..first + NOMINAL.len()
 }
 
 /// The likeliest of the signals of two states that start from the sign of the residuals in one direction each; `None` where
