@@ -8,9 +8,8 @@ Replace class Machine by your controller. Lengths are m; rmw_zenoh.py beside thi
 import argparse, itertools, math, signal, time
 from rmw_zenoh import Bus, arguments
 
-PERIOD = 0.01  # s between two samples
+PERIOD, GATE_SILENCE = 0.01, 1.0  # s between two samples, and without a sign of life of the gate
 RUN_OPERATION, RUN_MEASUREMENT, SET_TOOL_WEAR, STOP = 0, 1, 2, 4  # kinds of commands; the others are refused
-GATE_SILENCE = 1.0  # s without a sign of life of the gate
 DONE, REFUSED, FAILED, TOUCH = 0, 1, 2, 2  # outcomes, and the kind of a probing move
 
 class Machine:
@@ -57,6 +56,7 @@ class Driver:
         self.bus, self.machine, self.session, self.touches = bus, machine, f"template-{time.time_ns()}", 0
         self.taken, self.order, self.command, self.program = set(), None, None, None  # under way: command and its program
         self.gate, self.heard, self.ended = (0, 0), -math.inf, False
+        self.silence = lambda: time.monotonic() - self.heard  # s since the last sign of life of the gate
 
     def header(self):
         now = time.time_ns()
@@ -78,9 +78,7 @@ class Driver:
         elif name == "ControllerCommand":
             self.heard = time.monotonic()
             self.obey(message)
-        elif (message.started, message.count) > self.gate or (  # a sign of life that was not counted yet, or of a successor
-            message.started != self.gate[0] and time.monotonic() - self.heard > GATE_SILENCE
-        ):
+        elif (message.started, message.count) > self.gate or message.started != self.gate[0] and self.silence() > GATE_SILENCE:
             if self.gate[0] not in (0, message.started):
                 self.stop("gate_lost: machine_state is another process than before")
             self.gate, self.heard = (message.started, message.count), time.monotonic()
@@ -129,7 +127,7 @@ class Driver:
     def tick(self):
         while not self.bus.incoming.empty():
             self.take(*self.bus.incoming.get())
-        if time.monotonic() - self.heard > GATE_SILENCE:
+        if self.silence() > GATE_SILENCE:
             self.stop("gate_lost: machine_state has fallen silent")
         waiting, order = self.command and not self.program, self.order
         if waiting and order and order.plan_id == self.command.plan_id and list(order.order) == list(self.command.order):
