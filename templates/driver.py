@@ -81,7 +81,7 @@ class Driver:
         elif (message.started, message.count) > self.gate or message.started != self.gate[0] and self.silence() > GATE_SILENCE:
             if self.gate[0] not in (0, message.started):
                 self.stop("gate_lost: machine_state is another process than before")
-            self.gate, self.heard = (message.started, message.count), time.monotonic()
+            self.gate, self.heard = (message.started, message.count), time.monotonic()  # not counted yet, or of a successor
 
     def obey(self, command):
         if command.session != self.session:

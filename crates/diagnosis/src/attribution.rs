@@ -15,6 +15,7 @@ pub(crate) mod whitening;
 mod with_discrepancy;
 
 use std::collections::BTreeSet;
+use std::iter;
 use std::rc::Rc;
 
 use effects::discrepancy::{depends_on, grid};
@@ -191,9 +192,7 @@ fn extend_best(pool: &mut CandidatePool<'_>, scored: &mut Vec<ScoredSet>) {
     }
     // Sets without one member give the probability of each.
     let priors = pool.priors();
-    for index in 0..best.set.len() {
-        let mut set = best.set.clone();
-        set.remove(index);
+    for set in without_each(&best.set) {
         let log_posterior = pool.products.log_evidence(&set) + priors.log_prior_of(&set);
         scored.push(ScoredSet { set, log_posterior });
     }
@@ -368,23 +367,21 @@ fn add_switching(
                     (discrepancies[index].kind == Kind::Switching) == switches
                 })
             };
-            let own = models.iter().filter(of);
-            own.max_by(|one, other| one.log_posterior.total_cmp(&other.log_posterior))
+            best_of(models.iter().filter(of))
         };
+        // An effect of the best set may stand for states that are wrong.
         sets = (best(true).into_iter())
-            .flat_map(|model| with_one_less(&model.set))
+            .flat_map(|model| iter::once(model.set.clone()).chain(without_each(&model.set)))
             .collect();
         let other = best(false).map(|model| model.set.clone());
         sets.extend(other.filter(|other| !sets.contains(other)));
     }
-    // The place that was nominal was chosen beside sets that may lack what the search has found since.
-    let best =
-        (models.iter()).max_by(|one, other| one.log_posterior.total_cmp(&other.log_posterior));
-    let found = best.and_then(|model| model.discrepancy);
+    // The nominal place was chosen beside sets that may lack what the search has found since.
+    let found = best_of(models.iter()).and_then(|model| model.discrepancy);
     if let Some((index, power)) = found.filter(|&(index, _)| index >= first_of_all) {
         let alike = switching::same_states(index - first_of_all);
         for other in alike
-            .map(|place| first_of_all + place)
+            .map(|index| first_of_all + index)
             .filter(|&other| other != index)
         {
             let searched = search_anew(pool, discrepancies, (other, power));
@@ -393,15 +390,18 @@ fn add_switching(
     }
 }
 
-/// A set, and it without each of its effects, which may stand for states that are wrong.
-fn with_one_less(set: &[usize]) -> Vec<Vec<usize>> {
-    let without = |removed: &usize| {
-        let others = set.iter().filter(|member| *member != removed);
-        others.copied().collect()
-    };
-    std::iter::once(set.to_vec())
-        .chain(set.iter().map(without))
-        .collect()
+/// A set without its first effect, without its second, and so on.
+fn without_each(set: &[usize]) -> impl Iterator<Item = Vec<usize>> {
+    (0..set.len()).map(|index| {
+        let mut others = set.to_vec();
+        others.remove(index);
+        others
+    })
+}
+
+/// The model of the highest log posterior.
+fn best_of<'a>(models: impl Iterator<Item = &'a Model>) -> Option<&'a Model> {
+    models.max_by(|one, other| one.log_posterior.total_cmp(&other.log_posterior))
 }
 
 /// Discrepancies orthogonal to the library: a dependence on a covariate competes with no effect that depends on it.

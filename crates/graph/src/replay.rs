@@ -125,18 +125,19 @@ impl Player<'_> {
             {
                 (restart | UNJOURNALED, 1)
             }
-            // Of the latest process that has published this number, though others were lost on their way here; else it is a
-            // message that comes twice, or the next of the process before.
+            // From the latest process that has published this number: all that processes in between published may have been lost on
+            // the way. Otherwise it is a repetition, or the next message of the process before.
             Some(&(restart, last)) => {
                 let former = restart & !UNJOURNALED;
+                let running = at();
                 let published = |process: &u32| {
                     session.is_published(topic, (*process, step.sequence), step.now)
                 };
-                let later = at().and_then(|now| (former + 1..=now).rev().find(published));
+                let later = running.and_then(|latest| (former + 1..=latest).rev().find(published));
                 // The recording may lack the first message of the next process.
                 let begins = step.sequence == 1
                     && step.sequence <= last
-                    && at().is_none_or(|process| process > former);
+                    && running.is_none_or(|process| process > former);
                 let next = begins.then_some(former + 1);
                 (later.or(next).unwrap_or(restart), step.sequence)
             }

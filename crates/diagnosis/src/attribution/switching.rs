@@ -73,9 +73,9 @@ pub(super) fn beside(
     found
 }
 
-/// Places among those discrepancies of the ones that have the states of the one at this place.
-pub(super) fn same_states(place: usize) -> Range<usize> {
-    let first = place - place % NOMINAL.len();
+/// Indices among those discrepancies of the ones that have the states of the one at this index.
+pub(super) fn same_states(index: usize) -> Range<usize> {
+    let first = index - index % NOMINAL.len();
     first..first + NOMINAL.len()
 }
 

@@ -5,6 +5,7 @@
 //! have without any, evidence of the best sets at all variances of the process, and a new search over the library beside the
 //! best discrepancies, at the variance that is best for what the search found. Metres.
 
+use std::iter;
 use std::rc::Rc;
 
 use effects::discrepancy::is_kin;
@@ -15,6 +16,7 @@ use inference::search::{EvidenceCache, Priors, ScoredSet, exchange_best, search}
 use inference::whitened::Design;
 
 use super::candidate_pool::CandidatePool;
+use super::without_each;
 
 /// Prior probability that something outside the vocabulary acts.
 pub(crate) const UNKNOWN: f64 = 0.05;
@@ -385,11 +387,7 @@ fn log_prior_with(discrepancy: &Discrepancy) -> f64 {
 fn reduced_sets(scored: &[ScoredSet]) -> Vec<Vec<usize>> {
     let mut sets: Vec<Vec<usize>> = vec![Vec::new()];
     for scored in scored.iter().take(SETS) {
-        for removed in 0..=scored.set.len() {
-            let mut reduced = scored.set.clone();
-            if removed < reduced.len() {
-                reduced.remove(removed);
-            }
+        for reduced in without_each(&scored.set).chain(iter::once(scored.set.clone())) {
             if !sets.contains(&reduced) {
                 sets.push(reduced);
             }

@@ -1,5 +1,5 @@
-//! What ends a measurement: a STOP, a gate that falls silent, and one that is another process than before; and that a gate by
-//! a clock that was set back is one.
+//! What ends a measurement: a STOP, a gate that falls silent, and one that is another process than before. And that a driver
+//! follows a gate that was restarted after its wall clock was set back.
 
 use std::time::{Duration, Instant};
 
