@@ -17,6 +17,9 @@ use crate::{
     stop, writing,
 };
 
+/// Time after its start in which the gate waits for the first report of the recorder, which comes every second, s.
+const RECORDER_TIMEOUT: f64 = 10.0;
+
 /// Why the machine accepts no request at all.
 pub(crate) fn refusal(config: &Config, state: &State) -> Option<&'static str> {
     match &state.controller {
@@ -46,8 +49,15 @@ fn unrecorded(state: &State, now: Stamp) -> Option<&'static str> {
     }
 }
 
+/// The recorder has not reported yet, and is not late: the processes of a cell discover each other in any order.
+fn is_recorder_awaited(state: &State, now: Stamp) -> bool {
+    let started = Stamp(state.started as i64);
+    state.recording.is_none() && now.since_s(started) <= RECORDER_TIMEOUT
+}
+
 /// Takes a request once. One that is repeated is answered by the last report on it. While the driver has not confirmed a stop,
-/// nothing is begun, since the stop would end it, and neither is it before a clamping is known: `cycle` repeats its request.
+/// nothing is begun, since the stop would end it, and neither is it before a clamping or the recorder is known: `cycle` repeats
+/// its request.
 pub(crate) fn request(
     config: &Config,
     state: &mut State,
@@ -65,7 +75,9 @@ pub(crate) fn request(
             return;
         }
         _ if request.kind != OperationRequest::STOP
-            && (!state.stops.is_empty() || signals::is_awaited(config, state, now)) =>
+            && (!state.stops.is_empty()
+                || signals::is_awaited(config, state, now)
+                || is_recorder_awaited(state, now)) =>
         {
             return;
         }

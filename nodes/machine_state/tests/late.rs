@@ -201,6 +201,45 @@ fn a_late_status_of_the_recorder_does_not_bring_the_recording_back() {
     assert_eq!(gate.cut(31.1, 7).0, OperationReport::UNDERWAY);
 }
 
+/// Over DDS on a loaded machine the request to cut came before the first report of the recorder, and the part was given up.
+#[test]
+fn a_gate_that_has_just_started_waits_for_the_recorder() {
+    let config = config();
+    let mut gate = Gate {
+        state: MachineStateNode::start(&config),
+        config,
+    };
+    gate.step(0.0, Input::Timer(START));
+    gate.sample(0.0, BEGIN);
+    gate.step(0.0, part(0.0, PartStatus::CUTTING));
+    let asked = |gate: &mut Gate, seconds: f64| {
+        let said = gate.step(seconds, request(seconds, 5, OperationRequest::CUT));
+        let told = said.iter().find_map(|one| match one {
+            Output::Report(report) => Some((report.outcome, report.text.clone())),
+            _ => None,
+        });
+        let begun = said.iter().any(|one| match one {
+            Output::Command(command) => command.kind == ControllerCommand::RUN_OPERATION,
+            _ => false,
+        });
+        (told, begun)
+    };
+    let mut late = Gate {
+        state: gate.state.clone(),
+        config: gate.config.clone(),
+    };
+    assert_eq!(asked(&mut gate, 0.5), (None, false));
+    gate.step(1.0, recording(1.0, RecordingStatus::RECORDING));
+    let underway = (OperationReport::UNDERWAY, String::new());
+    assert_eq!(asked(&mut gate, 1.5), (Some(underway), true));
+    // Nobody waits for ever for a recorder that does not report.
+    late.sample(10.5, BEGIN + 10 * SECOND);
+    let (told, begun) = asked(&mut late, 10.5);
+    let (outcome, text) = told.expect("an answer");
+    assert_eq!((outcome, begun), (OperationReport::REFUSED, false));
+    assert!(text.contains("no recorder has reported"), "{text}");
+}
+
 /// Seed 57: the cell was started anew by a clock that had been set back; the driver, a process of its own, took the gate for
 /// its predecessor and its signs of life for late ones, and gave up every program.
 #[test]

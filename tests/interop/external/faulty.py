@@ -43,7 +43,7 @@ LINES = {
     "needs_its_order_first": ("controller_replies.outcome:", "came REFUSED", "no such order"),
     "deaf_to_silence": ("silent gate: controller_replies",),
     "blind_to_another_gate": ("replaced gate: controller_replies",),
-    "deaf_to_a_clock_set_back": ("gate by a clock set back: controller_replies.outcome:", "DONE, came FAILED"),
+    "deaf_to_a_clock_set_back": ("gate restarted with its clock set back: controller_replies.outcome:", "DONE, came FAILED"),
     "lost_without_code": ("silent gate: controller_replies.text:", "gate_lost"),
 }
 

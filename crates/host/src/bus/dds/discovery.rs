@@ -32,6 +32,9 @@ type Prefix = [u8; 12];
 /// after this time.
 const MUTUAL_AFTER: Duration = Duration::from_millis(200);
 
+/// How long a new endpoint waits for those that others have announced on its topic.
+const MATCHED_WITHIN: Duration = Duration::from_secs(1);
+
 /// What other participants have announced, and what this one has matched.
 #[derive(Default)]
 struct Known {
@@ -48,6 +51,19 @@ struct Matches {
     readers: BTreeMap<GUID, BTreeMap<GUID, Instant>>,
     /// Writers of each of our readers.
     writers: BTreeMap<GUID, BTreeSet<GUID>>,
+    /// One of ours and one of another participant whose policies do not fit each other.
+    incompatible: BTreeSet<(GUID, GUID)>,
+}
+
+impl Matches {
+    /// Our endpoint has been compared with that of another participant.
+    fn have_met(&self, own: GUID, other: GUID) -> bool {
+        let readers = self.readers.get(&own);
+        let writers = self.writers.get(&own);
+        readers.is_some_and(|readers| readers.contains_key(&other))
+            || writers.is_some_and(|writers| writers.contains(&other))
+            || self.incompatible.contains(&(own, other))
+    }
 }
 
 /// Answer to the question whether what is waited for is there.
@@ -135,6 +151,63 @@ impl Discovery {
         self.writer
             .write(info, Some(rustdds::Timestamp::now()))
             .map_err(|reason| BusError::transport("announce the endpoints", &reason.forget_data()))
+    }
+
+    /// Waits until a new writer or reader of a topic has met the readers or writers that others have announced on it.
+    ///
+    /// Only then the next endpoint is created. The discovery thread of RustDDS (0.15.1, `add_local_writer` and `add_local_reader`)
+    /// holds its database for reading while it hands those of the topic, one by one, to the event loop through a queue of 32. Where
+    /// that queue is full, the event loop asks for the database too, and an application thread waits to write to it, no thread goes on.
+    pub(super) fn wait_until_met(
+        &self,
+        participant: &DomainParticipant,
+        own: GUID,
+        topic: &str,
+        is_writer: bool,
+    ) {
+        let deadline = Instant::now() + MATCHED_WITHIN;
+        let mut known = BTreeSet::new();
+        loop {
+            let announced = self.announced(participant, topic, is_writer);
+            if announced == known {
+                return;
+            }
+            known = announced;
+            let all_met = self.wait(deadline, |matches| {
+                if known.iter().all(|other| matches.have_met(own, *other)) {
+                    Readiness::Ready
+                } else {
+                    Readiness::Unknown
+                }
+            });
+            if !all_met {
+                tracing::debug!(topic, "not every announced endpoint has been met");
+                return;
+            }
+        }
+    }
+
+    /// The readers, or for a reader the writers, that other participants have announced on a topic.
+    fn announced(
+        &self,
+        participant: &DomainParticipant,
+        topic: &str,
+        is_writer: bool,
+    ) -> BTreeSet<GUID> {
+        let of_others = |guid: &GUID| guid.prefix != self.participant.prefix;
+        if is_writer {
+            let readers = participant.discovered_readers().into_iter();
+            let of_topic = readers
+                .filter(|reader| reader.subscription_topic_data.topic_name() == topic)
+                .map(|reader| reader.reader_proxy.remote_reader_guid);
+            of_topic.filter(of_others).collect()
+        } else {
+            let writers = participant.discovered_writers().into_iter();
+            let of_topic = writers
+                .filter(|writer| writer.publication_topic_data.topic_name == topic)
+                .map(|writer| writer.writer_proxy.remote_writer_guid);
+            of_topic.filter(of_others).collect()
+        }
     }
 
     /// Waits until `writer` and at least `count` readers have found each other; false when `deadline` came first.
@@ -355,12 +428,26 @@ impl Known {
                     .or_default()
                     .insert(remote_writer);
             }
+            DomainParticipantStatusEvent::RemoteReaderQosIncompatible {
+                local_writer: own,
+                remote_reader: other,
+                ..
+            }
+            | DomainParticipantStatusEvent::RemoteWriterQosIncompatible {
+                local_reader: own,
+                remote_writer: other,
+                ..
+            } => {
+                matches.incompatible.insert((own, other));
+            }
             DomainParticipantStatusEvent::ReaderLost { guid, .. } => {
+                matches.incompatible.retain(|(_, other)| *other != guid);
                 for readers in matches.readers.values_mut() {
                     readers.remove(&guid);
                 }
             }
             DomainParticipantStatusEvent::WriterLost { guid, .. } => {
+                matches.incompatible.retain(|(_, other)| *other != guid);
                 for writers in matches.writers.values_mut() {
                     writers.remove(&guid);
                 }

@@ -23,8 +23,8 @@ use futures::{StreamExt, pin_mut};
 use rustdds::no_key::{DataWriter, DeserializedCacheChange, SimpleDataReader};
 use rustdds::qos::HasQoSPolicy;
 use rustdds::{
-    DomainParticipant, DomainParticipantBuilder, QosPolicies, QosPolicyBuilder, RTPSEntity, Topic,
-    TopicKind, WriteOptionsBuilder, policy,
+    DomainParticipant, DomainParticipantBuilder, GUID, QosPolicies, QosPolicyBuilder, RTPSEntity,
+    Topic, TopicDescription, TopicKind, WriteOptionsBuilder, policy,
 };
 
 use self::discovery::Discovery;
@@ -54,6 +54,8 @@ pub(super) struct DdsBus {
     keep_all_depth: usize,
     /// Writers to wait for at the end.
     writers: Mutex<Vec<Weak<Writer>>>,
+    /// Endpoints are created one at a time.
+    creation: Mutex<()>,
 }
 
 impl DdsBus {
@@ -82,6 +84,7 @@ impl DdsBus {
             services: config.dds_services,
             keep_all_depth: config.keep_all_depth,
             writers: Mutex::new(Vec::new()),
+            creation: Mutex::new(()),
         })
     }
 
@@ -184,10 +187,13 @@ impl DdsBus {
     }
 
     fn writer(&self, topic: &Topic) -> Result<Arc<Writer>, BusError> {
+        let creation = lock(&self.creation);
         let writer: Writer = self
             .publisher
             .create_datawriter_no_key(topic, None)
             .map_err(|reason| BusError::transport("create a writer", &reason))?;
+        self.wait_until_met(writer.guid(), topic, true);
+        drop(creation);
         self.discovery.add_writer(writer.guid())?;
         let writer = Arc::new(writer);
         let mut writers = lock(&self.writers);
@@ -204,12 +210,19 @@ impl DdsBus {
             let limits = at_most(WAITING);
             QosPolicyBuilder::new().resource_limits(limits).build()
         });
+        let creation = lock(&self.creation);
         let reader: Reader = self
             .subscriber
             .create_simple_datareader_no_key(topic, waiting)
             .map_err(|reason| BusError::transport("create a reader", &reason))?;
+        self.wait_until_met(reader.guid(), topic, false);
+        drop(creation);
         self.discovery.add_reader(reader.guid())?;
         Ok(reader)
+    }
+
+    fn wait_until_met(&self, own: GUID, topic: &Topic, is_writer: bool) {
+        (self.discovery).wait_until_met(&self.participant, own, &topic.name(), is_writer);
     }
 }
 

@@ -43,7 +43,7 @@ pub(super) fn check(gate: &mut Gate, judge: &mut Judge, cell: &Cell) -> anyhow::
         "the machine stops, {GATE_SILENCE} s after the last sign of life"
     ));
 
-    judge.begin("gate by a clock set back");
+    judge.begin("gate restarted with its clock set back");
     let run = begin(gate, cell, false)?;
     let done = (ControllerReply::DONE, run.limit);
     outcome(gate, judge, run.mark, &run.command, done);
