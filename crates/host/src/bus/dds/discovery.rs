@@ -35,6 +35,9 @@ const MUTUAL_AFTER: Duration = Duration::from_millis(200);
 /// How long a new endpoint waits for those that others have announced on its topic.
 const MATCHED_WITHIN: Duration = Duration::from_secs(1);
 
+/// Discovery that has had no news for so long since an endpoint was created has dealt with it.
+const QUIET: Duration = Duration::from_millis(20);
+
 /// What other participants have announced, and what this one has matched.
 #[derive(Default)]
 struct Known {
@@ -53,6 +56,8 @@ struct Matches {
     writers: BTreeMap<GUID, BTreeSet<GUID>>,
     /// One of ours and one of another participant whose policies do not fit each other.
     incompatible: BTreeSet<(GUID, GUID)>,
+    /// When discovery last had news of any kind.
+    last: Option<Instant>,
 }
 
 impl Matches {
@@ -153,7 +158,8 @@ impl Discovery {
             .map_err(|reason| BusError::transport("announce the endpoints", &reason.forget_data()))
     }
 
-    /// Waits until a new writer or reader of a topic has met the readers or writers that others have announced on it.
+    /// Waits until a new writer or reader of a topic has met the readers or writers that others have announced on it, and
+    /// discovery is quiet.
     ///
     /// Only then the next endpoint is created. The discovery thread of RustDDS (0.15.1, `add_local_writer` and `add_local_reader`)
     /// holds its database for reading while it hands those of the topic, one by one, to the event loop through a queue of 32. Where
@@ -165,23 +171,19 @@ impl Discovery {
         topic: &str,
         is_writer: bool,
     ) {
-        let deadline = Instant::now() + MATCHED_WITHIN;
-        let mut known = BTreeSet::new();
+        let created = Instant::now();
+        let deadline = created + MATCHED_WITHIN;
         loop {
             let announced = self.announced(participant, topic, is_writer);
-            if announced == known {
-                return;
-            }
-            known = announced;
-            let all_met = self.wait(deadline, |matches| {
-                if known.iter().all(|other| matches.have_met(own, *other)) {
-                    Readiness::Ready
+            let settled = self.wait(deadline, |matches| {
+                if announced.iter().all(|other| matches.have_met(own, *other)) {
+                    let last = matches.last.map_or(created, |last| last.max(created));
+                    Readiness::At(last + QUIET)
                 } else {
                     Readiness::Unknown
                 }
             });
-            if !all_met {
-                tracing::debug!(topic, "not every announced endpoint has been met");
+            if !settled || self.announced(participant, topic, is_writer) == announced {
                 return;
             }
         }
@@ -406,6 +408,7 @@ impl Known {
 
     fn take_event(&self, event: &DomainParticipantStatusEvent) {
         let mut matches = lock(&self.matches);
+        matches.last = Some(Instant::now());
         match *event {
             DomainParticipantStatusEvent::RemoteReaderMatched {
                 local_writer,
@@ -452,7 +455,7 @@ impl Known {
                     writers.remove(&guid);
                 }
             }
-            _ => return,
+            _ => {}
         }
         self.changed.notify_all();
     }

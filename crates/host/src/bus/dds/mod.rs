@@ -13,6 +13,7 @@ mod discovery;
 mod payload;
 pub(super) mod services;
 
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -37,6 +38,9 @@ use super::subscription::Callbacks;
 use super::types::TypeId;
 use super::wire::{Gid, NodeName};
 use super::{BusError, Lost, Received, wall_ns};
+
+/// Timeout of the creation of an endpoint.
+const CREATED_WITHIN: Duration = Duration::from_secs(10);
 
 /// How long a keep-last writer waits for room when a reader does not keep up.
 const KEEP_LAST_WAIT: rustdds::Duration = rustdds::Duration::from_millis(100);
@@ -188,10 +192,12 @@ impl DdsBus {
 
     fn writer(&self, topic: &Topic) -> Result<Arc<Writer>, BusError> {
         let creation = lock(&self.creation);
+        let watched = end_if_stuck(topic.name())?;
         let writer: Writer = self
             .publisher
             .create_datawriter_no_key(topic, None)
             .map_err(|reason| BusError::transport("create a writer", &reason))?;
+        drop(watched);
         self.wait_until_met(writer.guid(), topic, true);
         drop(creation);
         self.discovery.add_writer(writer.guid())?;
@@ -211,10 +217,12 @@ impl DdsBus {
             QosPolicyBuilder::new().resource_limits(limits).build()
         });
         let creation = lock(&self.creation);
+        let watched = end_if_stuck(topic.name())?;
         let reader: Reader = self
             .subscriber
             .create_simple_datareader_no_key(topic, waiting)
             .map_err(|reason| BusError::transport("create a reader", &reason))?;
+        drop(watched);
         self.wait_until_met(reader.guid(), topic, false);
         drop(creation);
         self.discovery.add_reader(reader.guid())?;
@@ -224,6 +232,26 @@ impl DdsBus {
     fn wait_until_met(&self, own: GUID, topic: &Topic, is_writer: bool) {
         (self.discovery).wait_until_met(&self.participant, own, &topic.name(), is_writer);
     }
+}
+
+/// Ends this process, to be started anew by what supervises it, unless the creation of an endpoint returns in time: RustDDS can
+/// deadlock there ([`Discovery::wait_until_met`]), and nothing but the end of the process releases its sockets. What is returned is
+/// dropped after the creation.
+fn end_if_stuck(topic: String) -> Result<Sender<()>, BusError> {
+    let (created, waiting) = channel();
+    std::thread::Builder::new()
+        .name("bus watchdog".to_owned())
+        .spawn(move || {
+            if waiting.recv_timeout(CREATED_WITHIN) == Err(RecvTimeoutError::Timeout) {
+                tracing::error!(
+                    topic,
+                    "RustDDS does not create an endpoint: this process ends"
+                );
+                std::process::exit(1);
+            }
+        })
+        .map_err(|reason| BusError::transport("start a watchdog", &reason))?;
+    Ok(created)
 }
 
 /// Samples of a volatile topic that wait at a reader until they are taken. A writer whose process was held up sends at once what has
