@@ -35,7 +35,7 @@ const MUTUAL_AFTER: Duration = Duration::from_millis(200);
 /// How long a new endpoint waits for those that others have announced on its topic.
 const MATCHED_WITHIN: Duration = Duration::from_secs(1);
 
-/// Discovery that has had no news for so long since an endpoint was created has dealt with it.
+/// Discovery that has had no news for so long since an endpoint was created is taken to have dealt with it: RustDDS does not tell.
 const QUIET: Duration = Duration::from_millis(20);
 
 /// What other participants have announced, and what this one has matched.
@@ -163,7 +163,8 @@ impl Discovery {
     ///
     /// Only then the next endpoint is created. The discovery thread of RustDDS (0.15.1, `add_local_writer` and `add_local_reader`)
     /// holds its database for reading while it hands those of the topic, one by one, to the event loop through a queue of 32. Where
-    /// that queue is full, the event loop asks for the database too, and an application thread waits to write to it, no thread goes on.
+    /// that queue is full, the event loop asks for the database too, and an application thread waits to write to it, all three wait for
+    /// ever. Waiting here makes this improbable, not impossible.
     pub(super) fn wait_until_met(
         &self,
         participant: &DomainParticipant,
