@@ -7,6 +7,7 @@
 pub(crate) mod alternatives;
 pub(crate) mod candidate_pool;
 pub(crate) mod equivalence;
+mod localised;
 pub(crate) mod parameters;
 mod restricted;
 mod switching;
@@ -31,7 +32,9 @@ use inference::search::{MAX_EFFECTS, ScoredSet, exchange, extend, prune};
 use inference::whitened::Design;
 
 use candidate_pool::{CandidatePool, Shapes};
-use with_discrepancy::{UNKNOWN, powers, score_with_discrepancies, search_anew};
+use with_discrepancy::{
+    UNKNOWN, powers, score_with_discrepancies, search_anew, search_beside_each,
+};
 
 /// Prior probability of AR(1) touch noise.
 const AR1_NOISE: f64 = 0.05;
@@ -47,8 +50,8 @@ const EXTENSIONS: usize = 3;
 const KEPT: usize = 400;
 /// Rounds in which shapes are scanned beside something unknown.
 const SCANS_BESIDE: usize = 2;
-/// Rounds in which the states of what switches are estimated anew beside the best sets.
-const STATES: usize = 2;
+/// Rounds in which states or ranges are estimated anew beside the best sets.
+const ESTIMATIONS: usize = 2;
 
 /// Explains weighted deviations `y` of the rows in `active`, starting from the attribution of almost the same deviations
 /// where there is one.
@@ -226,9 +229,11 @@ fn finish(mut pool: CandidatePool<'_>, scored: &[ScoredSet]) -> ModelPosterior {
         .collect();
     let offered = score_with_discrepancies(&pool, scored, &discrepancies, 0, &models);
     models.extend(offered.into_iter().map(|model| noisy(model, noise)));
+    let mut sets = vec![Vec::new()];
+    sets.extend(best_of_each_size(scored, 3));
+    let all = (&mut discrepancies, &mut models);
+    add_estimated(&pool, scored, sets.clone(), all, (&LOCALISED, noise));
     if white {
-        let mut sets = vec![Vec::new()];
-        sets.extend(best_of_each_size(scored, 3));
         let all = (&mut discrepancies, &mut models);
         add_switching(&pool, scored, sets, all, noise);
     }
@@ -272,12 +277,16 @@ fn scan_beside_unknown(
     models.extend(found.into_iter().map(|model| noisy(model, noise)));
     normalise(&mut models);
     let better = models[0].log_posterior > model.log_posterior;
-    let switches = (models[0].discrepancy)
-        .is_some_and(|(index, _)| discrepancies[index].kind == Kind::Switching);
-    if better && switches {
-        // Its states were those beside the shapes before.
+    let kind = (models[0].discrepancy).map(|(index, _)| discrepancies[index].kind.clone());
+    if let Some(kind) = kind.filter(|_| better) {
+        // Its states or its range were those beside the shapes before.
         let sets = vec![models[0].set.clone()];
-        add_switching(pool, scored, sets, (&mut discrepancies, &mut models), noise);
+        let all = (&mut discrepancies, &mut models);
+        if (SWITCHING.is_own)(&kind) {
+            add_switching(pool, scored, sets, all, noise);
+        } else if (LOCALISED.is_own)(&kind) {
+            add_estimated(pool, scored, sets, all, (&LOCALISED, noise));
+        }
         normalise(&mut models);
     }
     *attribution = attribution_of(pool, discrepancies, models);
@@ -329,53 +338,93 @@ fn noisy(model: Model, noise: f64) -> Model {
     }
 }
 
-/// Models with something that switches between two states: its states are estimated beside some sets, then beside those of the
-/// best models.
-fn add_switching(
+/// Discrepancies that are estimated from what sets of effects leave.
+struct Estimated {
+    is_own: fn(&Kind) -> bool,
+    /// Those beside each of some sets; the last are known.
+    beside: fn(&CandidatePool<'_>, &[Vec<usize>], &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>>,
+    scored: Scored,
+}
+
+/// Models of the sets with discrepancies that are counted from a number on; the last are known.
+type Scored =
+    fn(&CandidatePool<'_>, &[ScoredSet], &[Rc<Discrepancy>], usize, &[Model]) -> Vec<Model>;
+
+/// What switches between two states.
+const SWITCHING: Estimated = Estimated {
+    is_own: |kind| *kind == Kind::Switching,
+    beside: switching::beside,
+    scored: score_with_discrepancies,
+};
+/// What acts on a part of the travel of an axis.
+const LOCALISED: Estimated = Estimated {
+    is_own: |kind| matches!(kind, Kind::AxisRange(_)),
+    beside: localised::beside,
+    scored: |pool, beside, found, first, _| search_beside_each(pool, beside, found, first),
+};
+
+/// Number of kinds of discrepancies that are not estimated from what sets leave.
+fn other_kinds(discrepancies: &[Rc<Discrepancy>]) -> usize {
+    let kinds: BTreeSet<&Kind> = (discrepancies.iter())
+        .map(|discrepancy| &discrepancy.kind)
+        .filter(|kind| !(SWITCHING.is_own)(kind) && !(LOCALISED.is_own)(kind))
+        .collect();
+    kinds.len()
+}
+
+/// Models with discrepancies that are estimated beside some sets, then beside those of the best models.
+fn add_estimated(
     pool: &CandidatePool<'_>,
     scored: &[ScoredSet],
     mut sets: Vec<Vec<usize>>,
     (discrepancies, models): (&mut Vec<Rc<Discrepancy>>, &mut Vec<Model>),
-    noise: f64,
+    (estimated, noise): (&Estimated, f64),
 ) {
-    let kinds: BTreeSet<Kind> = (discrepancies.iter())
-        .map(|discrepancy| discrepancy.kind.clone())
-        .filter(|kind| *kind != Kind::Switching)
-        .collect();
+    let is_own = |discrepancy: &Discrepancy| (estimated.is_own)(&discrepancy.kind);
     let mut known: Vec<Vec<usize>> = Vec::new();
-    let first_of_all = discrepancies.len();
-    for _ in 0..=STATES {
+    for _ in 0..=ESTIMATIONS {
         sets.retain(|set| !known.contains(set));
-        let switching = switching::beside(pool, &sets, kinds.len());
+        let found = (estimated.beside)(pool, &sets, discrepancies);
         known.append(&mut sets);
-        if switching.is_empty() {
+        if found.is_empty() {
             break;
         }
         let first = discrepancies.len();
-        // What the states were estimated beside may be in no set that is good without them.
+        // What they were estimated beside may be in no set that is good without them.
         let beside = known.iter().rev().map(|set| ScoredSet {
             set: set.clone(),
             log_posterior: pool.products.log_evidence(set),
         });
         let beside: Vec<ScoredSet> = beside.chain(scored.iter().cloned()).collect();
-        let offered = score_with_discrepancies(pool, &beside, &switching, first, models);
-        discrepancies.extend(switching);
+        let offered = (estimated.scored)(pool, &beside, &found, first, models);
+        discrepancies.extend(found);
         models.extend(offered.into_iter().map(|model| noisy(model, noise)));
-        let best = |switches: bool| {
+        let best = |own: bool| {
             let of = |model: &&Model| {
-                model.discrepancy.is_some_and(|(index, _)| {
-                    (discrepancies[index].kind == Kind::Switching) == switches
-                })
+                (model.discrepancy).is_some_and(|(index, _)| is_own(&discrepancies[index]) == own)
             };
             best_of(models.iter().filter(of))
         };
-        // An effect of the best set may stand for states that are wrong.
+        // An effect of the best set may stand for states, or a range, that are wrong.
         sets = (best(true).into_iter())
             .flat_map(|model| iter::once(model.set.clone()).chain(without_each(&model.set)))
             .collect();
         let other = best(false).map(|model| model.set.clone());
         sets.extend(other.filter(|other| !sets.contains(other)));
     }
+}
+
+/// Models with something that switches between two states, and each place that may be its nominal one beside the best of them.
+fn add_switching(
+    pool: &CandidatePool<'_>,
+    scored: &[ScoredSet],
+    sets: Vec<Vec<usize>>,
+    (discrepancies, models): (&mut Vec<Rc<Discrepancy>>, &mut Vec<Model>),
+    noise: f64,
+) {
+    let first_of_all = discrepancies.len();
+    let all = (&mut *discrepancies, &mut *models);
+    add_estimated(pool, scored, sets, all, (&SWITCHING, noise));
     // The nominal place was chosen beside sets that may lack what the search has found since.
     let found = best_of(models.iter()).and_then(|model| model.discrepancy);
     if let Some((index, power)) = found.filter(|&(index, _)| index >= first_of_all) {

@@ -7,9 +7,11 @@
 
 mod covariate;
 mod kernels;
+mod localised;
 mod scatter;
 mod switching;
 
+pub use localised::{Displacement, Localised};
 pub use switching::switching;
 
 use machine::{Chain, JointKind};

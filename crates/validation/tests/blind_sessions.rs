@@ -92,6 +92,24 @@ fn a_signal_that_switches_between_two_states_is_unknown_and_no_noise() {
     assert!(beside >= 9, "{beside} of 10 effects named beside it");
 }
 
+/// A bump on a short range of an axis is no handful of stray touches, and hides no effect beside it. While every process was one over the
+/// whole travel, two to eight touches were rejected in the first of these, and in the others the process held the effect too.
+#[test]
+fn what_acts_on_a_short_range_of_an_axis_is_unknown_and_no_stray_touches() {
+    let trial = Trial::Hidden(Content::Beside(1, Outsider::Bump));
+    for (seed, numbers) in [
+        (880_011, vec![15, 58, 78, 132]),
+        (551_177, vec![13, 55, 72]),
+    ] {
+        for number in numbers {
+            let judged = judge(&Stage::made_up(), trial.seed(seed, number), trial).unwrap();
+            let answer = format!("{seed} {number}: {:?} {}", judged.truth, judged.report);
+            assert!(judged.flagged(), "{answer}");
+            assert!(judged.cause, "{answer}");
+        }
+    }
+}
+
 /// Noise that remembers the touch before does not hide a cause outside the vocabulary.
 #[test]
 fn something_unknown_stands_beside_correlated_noise_too() {

@@ -7,7 +7,7 @@ use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use effects::discrepancy::discrepancies;
+use effects::discrepancy::{Localised, discrepancies};
 use effects::observation::{Column, Observations};
 use effects::{Variant, candidate, candidates};
 use inference::candidate::{Alias, Candidate};
@@ -15,13 +15,14 @@ use inference::columns::{Columns, Rows};
 use inference::discrepancy::Discrepancy;
 use inference::evidence::InnerProducts;
 use inference::golden_section::golden_section;
-use inference::linear::{SPANNED, dot, orthonormal, project_out};
+use inference::linear::{SPANNED, add_scaled, dot, orthonormal, project_out};
 use inference::posterior::ModelPosterior;
 use inference::scan::{CrossProducts, MaskedColumn, ResidualProjection, Trials};
 use inference::search::{
     EvidenceCache, Priors, ScoredSet, default_beam_width, exchange_best, search,
 };
 use inference::trial::Trial;
+use nalgebra::DMatrix;
 
 /// Rows on which shapes are scanned.
 const SCANNED: usize = 800;
@@ -58,6 +59,7 @@ pub(crate) struct Shapes<'a> {
     slopes: RefCell<BTreeMap<(usize, u64), Slopes>>,
     /// Inner products of candidates with all trials, as far as they were asked for.
     pub(crate) crossed: CrossProducts,
+    localised: OnceCell<(Localised, DMatrix<f64>)>,
 }
 
 impl<'a> Shapes<'a> {
@@ -83,6 +85,7 @@ impl<'a> Shapes<'a> {
             columns: RefCell::new(Vec::new()),
             slopes: RefCell::default(),
             crossed: CrossProducts::default(),
+            localised: OnceCell::new(),
         };
         for (index, variant) in variants.iter().enumerate() {
             let (plain, bent) = match &variant.shape {
@@ -105,6 +108,16 @@ impl<'a> Shapes<'a> {
         if let Some(candidate) = candidate {
             add_or_alias(self.variants, &mut self.base, &mut self.aliases, candidate);
         }
+    }
+
+    /// Displacements on parts of the travel of each axis, with a column for each over the rows on which shapes are scanned.
+    pub(crate) fn localised(&self) -> &(Localised, DMatrix<f64>) {
+        self.localised.get_or_init(|| {
+            let localised = Localised::new(self.sampled.as_ref().unwrap_or(self.observations));
+            let columns = (0..localised.count()).flat_map(|number| localised.column(number));
+            let columns = DMatrix::from_iterator(self.sample.len(), localised.count(), columns);
+            (localised, columns)
+        })
     }
 
     /// Blocks that stand for the whole library where any smooth explanation will do.
@@ -367,7 +380,18 @@ impl<'a> CandidatePool<'a> {
         }
     }
 
-    fn effect(&self, member: usize) -> &str {
+    /// Weighted deviations of all rows less what the effects of a set predict, m; `None` for a set that cannot be solved.
+    pub(super) fn residuals_of(&self, set: &[usize]) -> Option<Vec<f64>> {
+        let fit = self.products.fit(set)?;
+        let mut residuals = self.y.to_vec();
+        let columns = (set.iter()).flat_map(|&member| &self.candidates[member].block);
+        for (column, coefficient) in columns.zip(&fit.coefficients) {
+            add_scaled(&mut residuals, -coefficient, column);
+        }
+        Some(residuals)
+    }
+
+    pub(super) fn effect(&self, member: usize) -> &str {
         &self.shapes.variants[self.candidates[member].variant].effect
     }
 

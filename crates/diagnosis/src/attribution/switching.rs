@@ -9,10 +9,10 @@ use std::rc::Rc;
 
 use effects::discrepancy::switching as loadings;
 use inference::discrepancy::{Discrepancy, Kind};
-use inference::linear::add_scaled;
 use inference::switching::{TwoStates, two_states};
 
 use super::candidate_pool::CandidatePool;
+use super::other_kinds;
 
 /// Log likelihood that two states must gain over one beside a set: less cannot pay for a cause outside the vocabulary.
 const WORTH: f64 = 6.0;
@@ -24,12 +24,11 @@ const LASTS: usize = 3;
 /// Probability of a state at the start, where the sign of the residual says so.
 const LIKELY: f64 = 0.9;
 
-/// Switching discrepancies beside each of some sets, those of the same states one after the other; `kinds` is the number of other
-/// kinds of discrepancies.
+/// Switching discrepancies beside each of some sets, those of the same states one after the other; `known` are all discrepancies.
 pub(super) fn beside(
     pool: &CandidatePool<'_>,
     sets: &[Vec<usize>],
-    kinds: usize,
+    known: &[Rc<Discrepancy>],
 ) -> Vec<Rc<Discrepancy>> {
     let observations = pool.shapes.observations;
     let touched: Vec<usize> = (0..observations.touches())
@@ -40,10 +39,10 @@ pub(super) fn beside(
         .collect();
     let pick = |values: &[f64]| -> Vec<f64> { touched.iter().map(|&row| values[row]).collect() };
     let what = loadings(observations);
-    let log_prior = -(((kinds + 1) * NOMINAL.len() * what.len()) as f64).ln();
+    let log_prior = -(((other_kinds(known) + 1) * NOMINAL.len() * what.len()) as f64).ln();
     let mut found = Vec::new();
     for set in sets {
-        let Some(residuals) = residuals(pool, set) else {
+        let Some(residuals) = pool.residuals_of(set) else {
             continue;
         };
         let residuals = pick(&residuals);
@@ -113,17 +112,4 @@ fn lasts(second: &[bool]) -> bool {
                 .count()
                 >= LASTS
         })
-}
-
-/// Weighted deviations less what the effects of a set predict.
-fn residuals(pool: &CandidatePool<'_>, set: &[usize]) -> Option<Vec<f64>> {
-    let fit = pool.products.fit(set)?;
-    let mut residuals = pool.y.to_vec();
-    let columns = set
-        .iter()
-        .flat_map(|&member| &pool.candidates[member].block);
-    for (column, coefficient) in columns.zip(&fit.coefficients) {
-        add_scaled(&mut residuals, -coefficient, column);
-    }
-    Some(residuals)
 }

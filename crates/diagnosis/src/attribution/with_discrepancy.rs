@@ -46,8 +46,8 @@ const POWERS_SEARCHED: usize = 3;
 /// Sets that are screened, each of another size.
 const SCREENING_SETS: usize = 5;
 
-/// What an effect pays (natural log) beside a discrepancy of its own kind: either describes the same thing.
-const KIN: f64 = 12.0;
+/// What an effect pays (natural log) beside a discrepancy of its own kind, about one in twenty: either describes the same thing.
+const KIN: f64 = 3.0;
 
 /// Models of effect sets with each of the discrepancies, whose numbers begin at `first`; `known` are scored already.
 pub(crate) fn score_with_discrepancies(
@@ -91,11 +91,7 @@ pub(crate) fn score_with_discrepancies(
             .fold(best, f64::max);
         models.extend(found);
     }
-    for model in &mut models {
-        if let Some((index, _)) = &mut model.discrepancy {
-            *index += first;
-        }
-    }
+    number_from(first, &mut models);
     models
 }
 
@@ -138,6 +134,42 @@ pub(super) fn search_anew(
     };
     let design = Design::new(pool.candidates.iter(), pool.y, &pool.rows());
     scorer.search(&design, index, power)
+}
+
+/// Models of searches over the whole library beside the best of some discrepancies, whose numbers begin at `first`, however far
+/// they are behind all others before: what hides an effect is found with it.
+pub(super) fn search_beside_each(
+    pool: &CandidatePool<'_>,
+    scored: &[ScoredSet],
+    discrepancies: &[Rc<Discrepancy>],
+    first: usize,
+) -> Vec<Model> {
+    let scorer = Scorer {
+        pool,
+        discrepancies,
+        priors: &pool.priors(),
+    };
+    let design = Design::new(pool.candidates.iter(), pool.y, &pool.rows());
+    let mut models = Vec::new();
+    for screened in scorer
+        .screen(scored, f64::NEG_INFINITY)
+        .into_iter()
+        .take(SEARCHED)
+    {
+        let power = powers(&discrepancies[screened.index])[screened.power];
+        models.extend(scorer.search(&design, screened.index, power));
+    }
+    number_from(first, &mut models);
+    models
+}
+
+/// Counts the discrepancies of some models from `first`.
+fn number_from(first: usize, models: &mut [Model]) {
+    for model in models {
+        if let Some((index, _)) = &mut model.discrepancy {
+            *index += first;
+        }
+    }
 }
 
 /// Log posterior and variance ratio of the best of some models with a discrepancy, the first of equals.

@@ -87,7 +87,7 @@ pub(crate) fn of_discrepancy(
             })
     };
     match kind {
-        Kind::Axis(axis) => {
+        Kind::Axis(axis) | Kind::AxisRange(axis) => {
             let name = observations.chain.axis(*axis).name.clone();
             let at = |row: &Row| row.pose.as_ref().map_or(0.0, |pose| pose.positions[*axis]);
             let mut places: Vec<Place> = coordinate("axis", name.clone(), &at).collect();

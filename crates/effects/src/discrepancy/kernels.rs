@@ -24,7 +24,7 @@ const PARALLEL: f64 = 0.999;
 /// Directions whose squared cosine over the rows is larger are one.
 const SAME_DIRECTION: f64 = 0.999;
 /// An axis that moves less than this (m or rad) causes no discrepancy.
-const STILL: f64 = 1e-3;
+pub(super) const STILL: f64 = 1e-3;
 
 /// Appends a column of the covariance matrix: that of each of some rows with one row.
 pub(super) type Kernel<'a> = Box<dyn Fn(&[usize], usize, &mut Vec<f64>) + 'a>;
@@ -245,7 +245,7 @@ pub(super) fn index(observations: &Observations) -> Vec<Kernel<'_>> {
 }
 
 /// Where and how strongly a displacement that depends on an axis is seen: probing, then cutting.
-type Displacements<T> = Vec<[(T, f64); 2]>;
+pub(super) type Displacements<T> = Vec<[(T, f64); 2]>;
 
 /// Displacements that depend on one axis: in any direction of the foundation, or in one direction of the axis's frame.
 pub(super) fn displacement_along_axis(observations: &Observations, axis: usize) -> Vec<Kernel<'_>> {
@@ -269,14 +269,7 @@ pub(super) fn displacement_along_axis(observations: &Observations, axis: usize) 
         }));
     }
     for component in 0..3 {
-        let one = Rc::new(displacements(rows, axis, |row, pose| {
-            let frames = if turns {
-                &pose.sensitivity.location
-            } else {
-                &pose.sensitivity.motion
-            };
-            row.normal.dot(&frames[joint][component])
-        }));
+        let one = Rc::new(in_direction_of_joint(observations, axis, component));
         for share in [0.04, 0.1, 0.3] {
             let one = Rc::clone(&one);
             kernels.push(pairwise(move |i, j| {
@@ -315,6 +308,24 @@ pub(super) fn displacement_along_axis(observations: &Observations, axis: usize) 
     kernels
 }
 
+/// Displacements in one direction of the frame of an axis: of where it is carried if it turns, else of what it carries.
+pub(super) fn in_direction_of_joint(
+    observations: &Observations,
+    axis: usize,
+    component: usize,
+) -> Displacements<f64> {
+    let joint = observations.chain.axes()[axis];
+    let turns = observations.chain.axis(axis).kind == JointKind::Revolute;
+    displacements(&observations.rows, axis, |row, pose| {
+        let frames = if turns {
+            &pose.sensitivity.location
+        } else {
+            &pose.sensitivity.motion
+        };
+        row.normal.dot(&frames[joint][component])
+    })
+}
+
 /// Displacement of each row while probing (which moves the ball against the part), and while cutting.
 fn displacements<T>(rows: &[Row], axis: usize, seen: impl Fn(&Row, &Pose) -> T) -> Displacements<T>
 where
@@ -333,7 +344,7 @@ where
 }
 
 /// Covariance of two rows under a displacement with correlation length `length`.
-fn shared_displacement<T>(
+pub(super) fn shared_displacement<T>(
     one: &[(T, f64); 2],
     other: &[(T, f64); 2],
     length: f64,

@@ -8,6 +8,8 @@ pub enum Kind {
     Region,
     /// An axis, by its index.
     Axis(usize),
+    /// A short range of the travel of an axis, by its index.
+    AxisRange(usize),
     /// Time.
     Time,
     /// The direction of the touch in the probe's frame.

@@ -13,6 +13,8 @@ use crate::linear::{add_scaled, project_out, scale, whiten};
 
 /// Directions whose power beside a basis is below this share of the largest are dropped.
 const MIN_POWER: f64 = 1e-3;
+/// Kernels that differ by less than this share are one.
+const ALIKE: f64 = 0.02;
 /// A pivoted factorisation ends when no row keeps more than this share of the largest variance.
 const NEGLIGIBLE: f64 = 1e-3;
 
@@ -198,6 +200,21 @@ impl Discrepancy {
         }
     }
 
+    /// True for two smooth processes that depend on the same and whose kernels are proportional but for the share [`ALIKE`].
+    pub fn is_alike(&self, other: &Self) -> bool {
+        let (Form::Smooth(own, products), Form::Smooth(lines, others)) = (&self.form, &other.form)
+        else {
+            return false;
+        };
+        let power = |of: &Tridiagonal| -> f64 {
+            let squares = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>();
+            squares(&of.diagonal) + 2.0 * squares(&of.off_diagonal)
+        };
+        self.kind == other.kind
+            && (own * lines.transpose()).norm_squared()
+                > (1.0 - ALIKE) * (power(products) * power(others)).sqrt()
+    }
+
     /// Trace of the kernel.
     pub fn trace(&self) -> f64 {
         match &self.form {
@@ -331,6 +348,21 @@ mod tests {
         assert!(near(log_determinant, whole.determinant().ln()));
         let beside = dot(&values, &values) - explained[0];
         assert!(near(beside, (y.transpose() * &inverse * &y)[0]));
+    }
+
+    /// A kernel is like itself at any size, and not like that of other columns or of another kind.
+    #[test]
+    fn proportional_kernels_of_one_kind_are_alike() {
+        let made = columns(17, 4);
+        let of = |kind, columns: &[Vec<f64>]| Discrepancy::new(kind, columns, 0.0);
+        let one = of(Kind::AxisRange(1), &made);
+        let mut larger = made.clone();
+        for value in larger.iter_mut().flatten() {
+            *value *= -3.0;
+        }
+        assert!(one.is_alike(&of(Kind::AxisRange(1), &larger)));
+        assert!(!one.is_alike(&of(Kind::AxisRange(2), &made)));
+        assert!(!one.is_alike(&of(Kind::AxisRange(1), &made[..3])));
     }
 
     /// Scatter against the dense diagonal matrix that it is.
