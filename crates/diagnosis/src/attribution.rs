@@ -341,10 +341,12 @@ fn noisy(model: Model, noise: f64) -> Model {
 /// Discrepancies that are estimated from what sets of effects leave.
 struct Estimated {
     is_own: fn(&Kind) -> bool,
-    /// Those beside each of some sets; the last are known.
-    beside: fn(&CandidatePool<'_>, &[Vec<usize>], &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>>,
+    beside: Beside,
     scored: Scored,
 }
+
+/// Those beside each of some sets; the last are known.
+type Beside = fn(&CandidatePool<'_>, &[Vec<usize>], &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>>;
 
 /// Models of the sets with discrepancies that are counted from a number on; the last are known.
 type Scored =

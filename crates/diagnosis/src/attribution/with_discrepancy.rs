@@ -46,8 +46,8 @@ const POWERS_SEARCHED: usize = 3;
 /// Sets that are screened, each of another size.
 const SCREENING_SETS: usize = 5;
 
-/// What an effect pays (natural log) beside a discrepancy of its own kind, about one in twenty: either describes the same thing.
-const KIN: f64 = 3.0;
+/// What an effect pays (natural log) beside a discrepancy of its own kind: either describes the same thing.
+const KIN: f64 = 12.0;
 
 /// Models of effect sets with each of the discrepancies, whose numbers begin at `first`; `known` are scored already.
 pub(crate) fn score_with_discrepancies(
