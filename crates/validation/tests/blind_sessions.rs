@@ -99,7 +99,7 @@ fn what_acts_on_a_short_range_of_an_axis_is_unknown_and_no_stray_touches() {
     let trial = Trial::Hidden(Content::Beside(1, Outsider::Bump));
     for (seed, numbers) in [
         (880_011, vec![15, 58, 78, 132]),
-        (551_177, vec![13, 55, 72]),
+        (551_177, vec![7, 72, 92]),
     ] {
         for number in numbers {
             let judged = judge(&Stage::made_up(), trial.seed(seed, number), trial).unwrap();
