@@ -97,10 +97,7 @@ fn a_signal_that_switches_between_two_states_is_unknown_and_no_noise() {
 #[test]
 fn what_acts_on_a_short_range_of_an_axis_is_unknown_and_no_stray_touches() {
     let trial = Trial::Hidden(Content::Beside(1, Outsider::Bump));
-    for (seed, numbers) in [
-        (880_011, vec![15, 58, 78, 132]),
-        (551_177, vec![7, 72, 92]),
-    ] {
+    for (seed, numbers) in [(880_011, vec![15, 58, 78, 132]), (551_177, vec![7, 72, 92])] {
         for number in numbers {
             let judged = judge(&Stage::made_up(), trial.seed(seed, number), trial).unwrap();
             let answer = format!("{seed} {number}: {:?} {}", judged.truth, judged.report);
