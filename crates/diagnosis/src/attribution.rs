@@ -50,7 +50,7 @@ const EXTENSIONS: usize = 3;
 const KEPT: usize = 400;
 /// Rounds in which shapes are scanned beside something unknown.
 const SCANS_BESIDE: usize = 2;
-/// Rounds in which states or ranges are estimated anew beside the best sets.
+/// Rounds in which states or parts of the travel are estimated anew beside the best sets.
 const ESTIMATIONS: usize = 2;
 
 /// Explains weighted deviations `y` of the rows in `active`, starting from the attribution of almost the same deviations
@@ -279,7 +279,7 @@ fn scan_beside_unknown(
     let better = models[0].log_posterior > model.log_posterior;
     let kind = (models[0].discrepancy).map(|(index, _)| discrepancies[index].kind.clone());
     if let Some(kind) = kind.filter(|_| better) {
-        // Its states or its range were those beside the shapes before.
+        // Its states or its part of the travel were those beside the shapes before.
         let sets = vec![models[0].set.clone()];
         let all = (&mut discrepancies, &mut models);
         if (SWITCHING.is_own)(&kind) {
@@ -345,10 +345,10 @@ struct Estimated {
     scored: Scored,
 }
 
-/// Those beside each of some sets; the last are known.
+/// Estimates discrepancies beside each of some sets, given all that there are already.
 type Beside = fn(&CandidatePool<'_>, &[Vec<usize>], &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>>;
 
-/// Models of the sets with discrepancies that are counted from a number on; the last are known.
+/// Scores sets with estimated discrepancies, the first of which has the number that is given, against the models so far.
 type Scored =
     fn(&CandidatePool<'_>, &[ScoredSet], &[Rc<Discrepancy>], usize, &[Model]) -> Vec<Model>;
 
@@ -407,7 +407,7 @@ fn add_estimated(
             };
             best_of(models.iter().filter(of))
         };
-        // An effect of the best set may stand for states, or a range, that are wrong.
+        // An effect of the best set may stand for states, or a part of the travel, that are wrong.
         sets = (best(true).into_iter())
             .flat_map(|model| iter::once(model.set.clone()).chain(without_each(&model.set)))
             .collect();

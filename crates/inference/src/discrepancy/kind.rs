@@ -8,7 +8,7 @@ pub enum Kind {
     Region,
     /// An axis, by its index.
     Axis(usize),
-    /// A short range of the travel of an axis, by its index.
+    /// A part of the travel of an axis, by its index.
     AxisRange(usize),
     /// Time.
     Time,
