@@ -15,26 +15,27 @@ pub(crate) mod unsupported;
 pub(crate) mod whitening;
 mod with_discrepancy;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::iter;
 use std::rc::Rc;
 
 use effects::discrepancy::{depends_on, grid};
 use effects::observation::Observations;
 use inference::candidate::Candidate;
-use inference::columns::Rows;
+use inference::columns::{Rows, matrix_of};
 use inference::cross_validation::TouchBlocks;
-use inference::discrepancy::{Discrepancy, Kind};
+use inference::discrepancy::{Covariate, Discrepancy, Kind};
 use inference::evidence::InnerProducts;
 use inference::linear::{SPANNED, orthonormal, whitened};
 use inference::posterior::{Model, ModelPosterior};
 use inference::search::{MAX_EFFECTS, ScoredSet, exchange, extend, prune};
 use inference::whitened::Design;
+use nalgebra::DMatrix;
 
 use candidate_pool::{CandidatePool, Shapes};
-use with_discrepancy::{
-    UNKNOWN, powers, score_with_discrepancies, search_anew, search_beside_each,
-};
+use localised::TravelScan;
+use switching::Switching;
+use with_discrepancy::{UNKNOWN, powers, score_with_discrepancies, search_anew};
 
 /// Prior probability of AR(1) touch noise.
 const AR1_NOISE: f64 = 0.05;
@@ -232,7 +233,8 @@ fn finish(mut pool: CandidatePool<'_>, scored: &[ScoredSet]) -> ModelPosterior {
     let mut sets = vec![Vec::new()];
     sets.extend(best_of_each_size(scored, 3));
     let all = (&mut discrepancies, &mut models);
-    add_estimated(&pool, scored, sets.clone(), all, (&LOCALISED, noise));
+    let travel = (&pool, &TravelScan::new(&pool));
+    add_estimated(travel, scored, sets.clone(), all, noise);
     if white {
         let all = (&mut discrepancies, &mut models);
         add_switching(&pool, scored, sets, all, noise);
@@ -282,10 +284,10 @@ fn scan_beside_unknown(
         // Its states or its part of the travel were those beside the shapes before.
         let sets = vec![models[0].set.clone()];
         let all = (&mut discrepancies, &mut models);
-        if (SWITCHING.is_own)(&kind) {
+        if Switching::is_own(&kind) {
             add_switching(pool, scored, sets, all, noise);
-        } else if (LOCALISED.is_own)(&kind) {
-            add_estimated(pool, scored, sets, all, (&LOCALISED, noise));
+        } else if TravelScan::is_own(&kind) {
+            add_estimated((pool, &TravelScan::new(pool)), scored, sets, all, noise);
         }
         normalise(&mut models);
     }
@@ -339,54 +341,45 @@ fn noisy(model: Model, noise: f64) -> Model {
 }
 
 /// Discrepancies that are estimated from what sets of effects leave.
-struct Estimated {
-    is_own: fn(&Kind) -> bool,
-    beside: Beside,
-    scored: Scored,
+trait Estimator {
+    /// True for the kinds of discrepancies that it estimates.
+    fn is_own(kind: &Kind) -> bool;
+
+    /// Discrepancies beside each of some sets; `known` are all that there are already.
+    fn beside(&self, sets: &[Vec<usize>], known: &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>>;
+
+    /// Scores sets with estimated discrepancies, the first of which has the number that is given, against the models so far.
+    fn scored(
+        pool: &CandidatePool<'_>,
+        beside: &[ScoredSet],
+        found: &[Rc<Discrepancy>],
+        first: usize,
+        models: &[Model],
+    ) -> Vec<Model>;
 }
-
-/// Estimates discrepancies beside each of some sets, given all that there are already.
-type Beside = fn(&CandidatePool<'_>, &[Vec<usize>], &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>>;
-
-/// Scores sets with estimated discrepancies, the first of which has the number that is given, against the models so far.
-type Scored =
-    fn(&CandidatePool<'_>, &[ScoredSet], &[Rc<Discrepancy>], usize, &[Model]) -> Vec<Model>;
-
-/// What switches between two states.
-const SWITCHING: Estimated = Estimated {
-    is_own: |kind| *kind == Kind::Switching,
-    beside: switching::beside,
-    scored: score_with_discrepancies,
-};
-/// What acts on a part of the travel of an axis.
-const LOCALISED: Estimated = Estimated {
-    is_own: |kind| matches!(kind, Kind::AxisRange(_)),
-    beside: localised::beside,
-    scored: |pool, beside, found, first, _| search_beside_each(pool, beside, found, first),
-};
 
 /// Number of kinds of discrepancies that are not estimated from what sets leave.
 fn other_kinds(discrepancies: &[Rc<Discrepancy>]) -> usize {
     let kinds: BTreeSet<&Kind> = (discrepancies.iter())
         .map(|discrepancy| &discrepancy.kind)
-        .filter(|kind| !(SWITCHING.is_own)(kind) && !(LOCALISED.is_own)(kind))
+        .filter(|kind| !Switching::is_own(kind) && !TravelScan::is_own(kind))
         .collect();
     kinds.len()
 }
 
 /// Models with discrepancies that are estimated beside some sets, then beside those of the best models.
-fn add_estimated(
-    pool: &CandidatePool<'_>,
+fn add_estimated<E: Estimator>(
+    (pool, estimator): (&CandidatePool<'_>, &E),
     scored: &[ScoredSet],
     mut sets: Vec<Vec<usize>>,
     (discrepancies, models): (&mut Vec<Rc<Discrepancy>>, &mut Vec<Model>),
-    (estimated, noise): (&Estimated, f64),
+    noise: f64,
 ) {
-    let is_own = |discrepancy: &Discrepancy| (estimated.is_own)(&discrepancy.kind);
+    let is_own = |discrepancy: &Discrepancy| E::is_own(&discrepancy.kind);
     let mut known: Vec<Vec<usize>> = Vec::new();
     for _ in 0..=ESTIMATIONS {
         sets.retain(|set| !known.contains(set));
-        let found = (estimated.beside)(pool, &sets, discrepancies);
+        let found = estimator.beside(&sets, discrepancies);
         known.append(&mut sets);
         if found.is_empty() {
             break;
@@ -398,7 +391,7 @@ fn add_estimated(
             log_posterior: pool.products.log_evidence(set),
         });
         let beside: Vec<ScoredSet> = beside.chain(scored.iter().cloned()).collect();
-        let offered = (estimated.scored)(pool, &beside, &found, first, models);
+        let offered = E::scored(pool, &beside, &found, first, models);
         discrepancies.extend(found);
         models.extend(offered.into_iter().map(|model| noisy(model, noise)));
         let best = |own: bool| {
@@ -426,7 +419,7 @@ fn add_switching(
 ) {
     let first_of_all = discrepancies.len();
     let all = (&mut *discrepancies, &mut *models);
-    add_estimated(pool, scored, sets, all, (&SWITCHING, noise));
+    add_estimated((pool, &Switching(pool)), scored, sets, all, noise);
     // The nominal place was chosen beside sets that may lack what the search has found since.
     let found = best_of(models.iter()).and_then(|model| model.discrepancy);
     if let Some((index, power)) = found.filter(|&(index, _)| index >= first_of_all) {
@@ -457,24 +450,32 @@ fn best_of<'a>(models: impl Iterator<Item = &'a Model>) -> Option<&'a Model> {
 
 /// Discrepancies orthogonal to the library: a dependence on a covariate competes with no effect that depends on it.
 fn unknown_to(pool: &CandidatePool<'_>, discrepancies: &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>> {
+    let mut bases: BTreeMap<Covariate, DMatrix<f64>> = BTreeMap::new();
     let remaining = |discrepancy: &Rc<Discrepancy>| {
         let Kind::Covariate(covariate) = discrepancy.kind else {
             return Some(Rc::clone(discrepancy));
         };
-        let depends = |candidate: &&Candidate| {
-            let effect = pool.shapes.variants[candidate.variant].effect.as_str();
-            depends_on(effect, covariate)
-        };
-        let columns = (pool.candidates.iter().filter(depends))
-            .flat_map(|candidate| &candidate.block)
-            .map(|column| whitened(column, pool.active, 0, 0.0));
-        let basis = orthonormal(columns, SPANNED);
-        if basis.is_empty() {
+        let basis = (bases.entry(covariate)).or_insert_with(|| basis_of_covariate(pool, covariate));
+        if basis.ncols() == 0 {
             return Some(Rc::clone(discrepancy));
         }
-        discrepancy.orthogonal_to(&basis).map(Rc::new)
+        discrepancy.orthogonal_to(basis).map(Rc::new)
     };
     discrepancies.iter().filter_map(remaining).collect()
+}
+
+/// An orthonormal basis of what the effects that depend on a covariate can do, over the rows in use.
+fn basis_of_covariate(pool: &CandidatePool<'_>, covariate: Covariate) -> DMatrix<f64> {
+    let depends = |candidate: &&Candidate| {
+        let effect = pool.shapes.variants[candidate.variant].effect.as_str();
+        depends_on(effect, covariate)
+    };
+    let columns = (pool.candidates.iter().filter(depends))
+        .flat_map(|candidate| &candidate.block)
+        .map(|column| whitened(column, pool.active, 0, 0.0));
+    let basis = orthonormal(columns, SPANNED);
+    let rows = pool.active.iter().filter(|&&used| used).count();
+    matrix_of(rows, &basis)
 }
 
 /// Blocks of the touches in use that judge a fit: runs of one feature at one index. References always train.

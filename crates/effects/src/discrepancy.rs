@@ -53,16 +53,16 @@ pub fn depends_on(effect: &str, covariate: Covariate) -> bool {
 
 /// True for an effect that could be a part of what a discrepancy stands for: a smooth function of the same coordinate.
 pub fn is_kin(chain: &Chain, kind: &Kind, effect: &str) -> bool {
-    let Some((found, of)) = find(effect) else {
-        return false;
-    };
-    let coordinate = match kind {
-        Kind::Axis(axis) if chain.axis(*axis).name == of.axis => Coordinate::AxisPosition,
-        Kind::Time => Coordinate::Time,
-        Kind::Direction => Coordinate::Direction,
+    let (coordinate, axis) = match kind {
+        Kind::Axis(axis) => (Coordinate::AxisPosition, Some(*axis)),
+        Kind::Time => (Coordinate::Time, None),
+        Kind::Direction => (Coordinate::Direction, None),
         _ => return false,
     };
-    found.acts_on().smooth_in.contains(&coordinate)
+    find(effect).is_some_and(|(found, of)| {
+        axis.is_none_or(|axis| chain.axis(axis).name == of.axis)
+            && found.acts_on().smooth_in.contains(&coordinate)
+    })
 }
 
 /// All discrepancies of a session, over its active rows only.

@@ -238,21 +238,43 @@ impl Observations {
         lasting: bool,
         displacement: impl Fn(&Pose, &Row) -> Vector3<f64>,
     ) -> Column {
-        let mut signature = Vec::with_capacity(self.rows.len());
-        let mut shifts = Vec::with_capacity(self.rows.len());
+        let mut columns = self.machine_columns(lasting, 1, |pose, row, displacements| {
+            displacements[0] = displacement(pose, row);
+        });
+        columns.swap_remove(0)
+    }
+
+    /// Columns of so many errors of the machine, of which `displacements` gives the displacement by each at a pose, row by row: what
+    /// they have in common is computed once.
+    pub fn machine_columns(
+        &self,
+        lasting: bool,
+        count: usize,
+        displacements: impl Fn(&Pose, &Row, &mut [Vector3<f64>]),
+    ) -> Vec<Column> {
+        let empty = || Column {
+            signature: Vec::with_capacity(self.rows.len()),
+            shifts: Vec::with_capacity(self.rows.len()),
+        };
+        let mut columns: Vec<Column> = (0..count).map(|_| empty()).collect();
+        let mut probing = vec![Vector3::zeros(); count];
+        let mut cutting = probing.clone();
         for row in &self.rows {
-            let probing = row
-                .pose
-                .as_ref()
-                .map_or_else(Vector3::zeros, |pose| displacement(pose, row));
-            let cutting = match &row.cut {
-                Some(pose) if lasting => displacement(pose, row),
-                _ => Vector3::zeros(),
-            };
-            signature.push(row.normal.dot(&(cutting - probing)));
-            shifts.push(probing - cutting);
+            for (all, pose) in [
+                (&mut probing, row.pose.as_ref()),
+                (&mut cutting, row.cut.as_ref().filter(|_| lasting)),
+            ] {
+                match pose {
+                    Some(pose) => displacements(pose, row, all),
+                    None => all.fill(Vector3::zeros()),
+                }
+            }
+            for ((column, probing), cutting) in columns.iter_mut().zip(&probing).zip(&cutting) {
+                column.signature.push(row.normal.dot(&(cutting - probing)));
+                column.shifts.push(probing - cutting);
+            }
         }
-        Column { signature, shifts }
+        columns
     }
 
     /// Speeds at which the surface was approached, ascending, m/s.

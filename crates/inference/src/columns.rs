@@ -129,6 +129,11 @@ impl InnerProducts {
     }
 }
 
+/// Columns of so many rows as a matrix.
+pub fn matrix_of(rows: usize, columns: &[Vec<f64>]) -> DMatrix<f64> {
+    DMatrix::from_vec(rows, columns.len(), columns.concat())
+}
+
 /// The blocks' white columns as one matrix, and the first column (counted from `first`) and width of each block.
 pub fn side_by_side<'b>(
     rows: &Rows,

@@ -9,12 +9,12 @@ pub fn inverse_diagonal(factor: &[f64], n: usize, scratch: &mut [f64]) -> Vec<f6
     let mut diagonal = vec![0.0; n];
     for column in 0..n {
         for row in column..n {
-            let sum = less(
-                if row == column { 1.0 } else { 0.0 },
+            let unit = if row == column { 1.0 } else { 0.0 };
+            let known = dot(
                 &factor[row * n + column..row * n + row],
                 &scratch[column * n + column..column * n + row],
             );
-            let value = sum / factor[row * n + row];
+            let value = (unit - known) / factor[row * n + row];
             scratch[column * n + row] = value;
             diagonal[column] += value * value;
         }
@@ -76,12 +76,16 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let rest: f64 = (left.remainder().iter().zip(right.remainder()))
         .map(|(x, y)| x * y)
         .sum();
+    if left.len() == 0 {
+        return rest;
+    }
     for (x, y) in left.zip(right) {
         for (sum, (x, y)) in sums.iter_mut().zip(x.iter().zip(y)) {
             *sum += x * y;
         }
     }
-    rest + sums.iter().sum::<f64>()
+    let [a, b, c, d, e, f, g, h] = sums;
+    rest + (((a + e) + (c + g)) + ((b + f) + (d + h)))
 }
 
 /// Adds `factor` times `column` to `values`.
@@ -107,10 +111,10 @@ pub fn cholesky(matrix: &mut [f64], n: usize) -> Option<f64> {
         let row = &mut row[..=i];
         for j in 0..i {
             let known = &above[j * n..=j * n + j];
-            let sum = less(row[j], &row[..j], &known[..j]);
+            let sum = row[j] - dot(&row[..j], &known[..j]);
             row[j] = sum / known[j];
         }
-        let sum = less(row[i], &row[..i], &row[..i]);
+        let sum = row[i] - dot(&row[..i], &row[..i]);
         if !(sum > 0.0) {
             return None;
         }
@@ -124,16 +128,11 @@ pub fn cholesky(matrix: &mut [f64], n: usize) -> Option<f64> {
     Some(log_determinant + pivots.ln())
 }
 
-/// A value less the products of two rows, in their order.
-fn less(value: f64, a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).fold(value, |rest, (a, b)| rest - a * b)
-}
-
 /// Solves in place with the lower triangle only.
 pub fn forward(factor: &[f64], n: usize, right: &mut [f64]) {
     for i in 0..n {
         let row = &factor[i * n..=i * n + i];
-        let sum = less(right[i], &row[..i], &right[..i]);
+        let sum = right[i] - dot(&row[..i], &right[..i]);
         right[i] = sum / row[i];
     }
 }
@@ -142,11 +141,9 @@ pub fn forward(factor: &[f64], n: usize, right: &mut [f64]) {
 pub fn solve_cholesky(factor: &[f64], n: usize, right: &mut [f64]) {
     forward(factor, n, right);
     for i in (0..n).rev() {
-        let mut sum = right[i];
-        for k in i + 1..n {
-            sum -= factor[k * n + i] * right[k];
-        }
-        right[i] = sum / factor[i * n + i];
+        let (before, own) = right.split_at_mut(i);
+        own[0] /= factor[i * n + i];
+        add_scaled(before, -own[0], &factor[i * n..i * n + i]);
     }
 }
 

@@ -29,7 +29,15 @@ impl Densities {
         let mut log_scale = 0.0;
         for datum in log_densities.chunks_exact(states) {
             let most = datum.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            relative.extend(datum.iter().map(|density| (density - most).exp()));
+            // An exponential is the most expensive part of it, and that of the largest is known.
+            let over_largest = |&density: &f64| {
+                if density == most {
+                    1.0
+                } else {
+                    (density - most).exp()
+                }
+            };
+            relative.extend(datum.iter().map(over_largest));
             log_scale += most;
         }
         Self {

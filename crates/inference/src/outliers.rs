@@ -5,8 +5,9 @@
 //! whether they are rejected: an outlier is uniform over a wide range instead of normal around the model.
 
 use metrology::statistics::MAD_FACTOR;
+use nalgebra::{DMatrix, DVector};
 
-use crate::linear::{cholesky, dot, forward, solve_cholesky};
+use crate::linear::{add_scaled, cholesky, dot, forward, solve_cholesky};
 
 /// Standardised residuals beyond this are suspect.
 const SUSPECT: f64 = 5.0;
@@ -31,25 +32,22 @@ pub fn most_outliers(touches: usize) -> usize {
 
 /// Rows that the columns of `blocks`, fitted to the others, do not predict.
 pub fn suspects(blocks: &[&[Vec<f64>]], y: &[f64]) -> Vec<usize> {
-    let columns: Vec<&Vec<f64>> = blocks.iter().copied().flatten().collect();
-    let mut active = vec![true; y.len()];
+    let mut ridge = Ridge::new(blocks, y);
     let most = most_outliers(y.len());
     let mut found = Vec::new();
     while found.len() < most {
-        let Some(standardised_residuals) = standardised_residuals(&columns, y, &active) else {
+        let Some(standardised_residuals) = ridge.standardised_residuals() else {
             break;
         };
-        let worst = (0..y.len())
-            .filter(|&row| active[row])
-            .map(|row| standardised_residuals[row])
-            .fold(0.0, f64::max);
+        let worst =
+            (standardised_residuals.iter()).fold(0.0_f64, |worst, &(_, own)| worst.max(own));
         if worst <= SUSPECT {
             break;
         }
         // Those nearly as far off as the worst are suspect with it.
-        for row in 0..y.len() {
-            if active[row] && standardised_residuals[row] > SUSPECT.max(ALIKE * worst) {
-                active[row] = false;
+        for (row, own) in standardised_residuals {
+            if own > SUSPECT.max(ALIKE * worst) {
+                ridge.remove(row);
                 found.push(row);
             }
         }
@@ -57,68 +55,100 @@ pub fn suspects(blocks: &[&[Vec<f64>]], y: &[f64]) -> Vec<usize> {
     found
 }
 
-/// Standardised leave-one-out residuals of a ridge whose strength maximises the evidence.
-fn standardised_residuals(columns: &[&Vec<f64>], y: &[f64], active: &[bool]) -> Option<Vec<f64>> {
-    let n = columns.len();
-    let used: Vec<usize> = (0..y.len()).filter(|&row| active[row]).collect();
-    let yy: f64 = used.iter().map(|&row| y[row] * y[row]).sum();
-    let mask = |column: &[f64]| -> Vec<f64> { used.iter().map(|&row| column[row]).collect() };
-    let thin: Vec<Vec<f64>> = columns.iter().map(|column| mask(column)).collect();
-    let target = mask(y);
-    let mut gram = vec![0.0; n * n];
-    for i in 0..n {
-        for k in 0..=i {
-            gram[i * n + k] = dot(&thin[i], &thin[k]);
-            gram[k * n + i] = gram[i * n + k];
-        }
-    }
-    let right: Vec<f64> = thin.iter().map(|column| dot(column, &target)).collect();
-    let mut best: Option<(f64, Vec<f64>, Vec<f64>)> = None;
-    for power in [1.0, 10.0, 100.0, 1e3, 1e4] {
-        let mut factor = gram.clone();
-        for i in 0..n {
-            factor[i * n + i] += 1.0 / power;
-        }
-        let log_determinant = cholesky(&mut factor, n)?;
-        let mut mean = right.clone();
-        solve_cholesky(&factor, n, &mut mean);
-        let residual = (yy - dot(&right, &mean)).max(1e-30);
-        let evidence = -0.5 * used.len() as f64 * residual.ln()
-            - 0.5 * (log_determinant + n as f64 * f64::ln(power));
-        if best.as_ref().is_none_or(|(known, _, _)| evidence > *known) {
-            best = Some((evidence, factor, mean));
-        }
-    }
-    best.map(|(_, factor, mean)| standardised(&thin, &target, &mean, &factor, &used, y.len()))
+/// A ridge of the values on columns, over the rows in use.
+struct Ridge<'a> {
+    y: &'a [f64],
+    used: Vec<bool>,
+    /// Values of the columns at each row.
+    rows: DMatrix<f64>,
+    /// Inner products of the columns with one another, row-major, and with the values; that of the values with themselves.
+    gram: Vec<f64>,
+    right: Vec<f64>,
+    yy: f64,
 }
 
-/// Leave-one-out residuals of the rows in use over their robust standard deviation, from a Cholesky factor of the ridge.
-fn standardised(
-    columns: &[Vec<f64>],
-    target: &[f64],
-    mean: &[f64],
-    factor: &[f64],
-    used: &[usize],
-    rows: usize,
-) -> Vec<f64> {
-    let n = columns.len();
-    let mut residuals = vec![0.0; rows];
-    let mut size = Vec::with_capacity(used.len());
-    let mut row_values = vec![0.0; n];
-    for (index, &row) in used.iter().enumerate() {
-        for (value, column) in row_values.iter_mut().zip(columns) {
-            *value = column[index];
+impl<'a> Ridge<'a> {
+    fn new(blocks: &[&[Vec<f64>]], y: &'a [f64]) -> Self {
+        let columns: Vec<&Vec<f64>> = blocks.iter().copied().flatten().collect();
+        let rows = DMatrix::from_fn(columns.len(), y.len(), |column, row| columns[column][row]);
+        let gram = &rows * rows.transpose();
+        let right = &rows * DVector::from_column_slice(y);
+        Self {
+            y,
+            used: vec![true; y.len()],
+            rows,
+            gram: gram.data.into(),
+            right: right.data.into(),
+            yy: dot(y, y),
         }
-        let predicted = dot(&row_values, mean);
-        forward(factor, n, &mut row_values);
-        let leverage = dot(&row_values, &row_values);
-        residuals[row] = (target[index] - predicted) / (1.0 - leverage).max(1e-3).sqrt();
-        size.push(residuals[row].abs());
     }
-    size.sort_by(f64::total_cmp);
-    let deviation = MAD_FACTOR * size[size.len() / 2].max(1e-12);
-    residuals
-        .iter()
-        .map(|residual| residual.abs() / deviation)
-        .collect()
+
+    fn values(&self, row: usize) -> &[f64] {
+        let n = self.right.len();
+        &self.rows.as_slice()[row * n..(row + 1) * n]
+    }
+
+    /// Takes a row out of use.
+    fn remove(&mut self, row: usize) {
+        let n = self.right.len();
+        let values = self.values(row).to_vec();
+        for (line, value) in self.gram.chunks_exact_mut(n.max(1)).zip(&values) {
+            add_scaled(line, -value, &values);
+        }
+        add_scaled(&mut self.right, -self.y[row], &values);
+        self.yy -= self.y[row] * self.y[row];
+        self.used[row] = false;
+    }
+
+    /// Rows in use.
+    fn in_use(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.used.len()).filter(|&row| self.used[row])
+    }
+
+    /// Absolute leave-one-out residuals of the rows in use over their robust standard deviation, at the strength of the ridge
+    /// that maximises the evidence.
+    fn standardised_residuals(&self) -> Option<Vec<(usize, f64)>> {
+        let n = self.right.len();
+        let count = self.in_use().count();
+        if count == 0 {
+            return None;
+        }
+        let mut best: Option<(f64, Vec<f64>, Vec<f64>)> = None;
+        for power in [1.0, 10.0, 100.0, 1e3, 1e4] {
+            let mut factor = self.gram.clone();
+            for i in 0..n {
+                factor[i * n + i] += 1.0 / power;
+            }
+            let log_determinant = cholesky(&mut factor, n)?;
+            let mut mean = self.right.clone();
+            solve_cholesky(&factor, n, &mut mean);
+            let residual = (self.yy - dot(&self.right, &mean)).max(1e-30);
+            let evidence = -0.5 * count as f64 * residual.ln()
+                - 0.5 * (log_determinant + n as f64 * f64::ln(power));
+            if best.as_ref().is_none_or(|(known, _, _)| evidence > *known) {
+                best = Some((evidence, factor, mean));
+            }
+        }
+        let (_, factor, mean) = best?;
+        let mut inverse = DMatrix::identity(n, n);
+        for mut column in inverse.column_iter_mut() {
+            forward(&factor, n, column.as_mut_slice());
+        }
+        // Their squared lengths are the leverages.
+        let white = inverse * &self.rows;
+        let residual = |row: usize| {
+            let predicted = dot(self.values(row), &mean);
+            let free = (1.0 - white.column(row).norm_squared()).max(1e-3).sqrt();
+            (row, ((self.y[row] - predicted) / free).abs())
+        };
+        let mut residuals: Vec<(usize, f64)> = self.in_use().map(residual).collect();
+        let mut sizes: Vec<f64> = residuals.iter().map(|&(_, size)| size).collect();
+        let middle = count / 2;
+        let (_, &mut median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+        let deviation = MAD_FACTOR * median.max(1e-12);
+        for (_, residual) in &mut residuals {
+            *residual /= deviation;
+        }
+        Some(residuals)
+    }
 }

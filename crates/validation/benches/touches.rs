@@ -1,6 +1,6 @@
 //! Time of a diagnosis against the number of touches and of effects in the library: `cargo bench -p validation`.
 //!
-//! Sessions of the blind plant; longer ones repeat a session's touches with fresh noise. A plate of 640 holes, each with two
+//! Sessions of the blind plant, whose plans have 80 to 160 touches or the number that is given. A plate of 640 holes, each with two
 //! readings, and nine days of a warming spindle diagnosed together are those of the layouts. Times are those of the processor, by the kernel's
 //! account of this thread, so that what else runs hardly matters: median and range over sessions. The last column
 //! tells how much longer than the first line. `-- 10000` makes only the lines of so many touches, `-- 0` those of 124.
@@ -15,15 +15,13 @@ use effects::library;
 use effects::observe;
 use layouts::plate::{Errors, plate};
 use layouts::warming::day;
-use validation::blind::{Content, session};
+use validation::blind::{Content, Stage, session_on};
 
 #[path = "../../diagnosis/tests/layouts/mod.rs"]
 mod layouts;
 
 /// Runs of which the median counts.
 const RUNS: u64 = 11;
-/// Noise of a repeated touch, m.
-const NOISE: f64 = 5e-7;
 
 fn main() {
     println!("| touches | effects offered | ms | from, to | ratio |\n|---|---|---|---|---|");
@@ -105,14 +103,17 @@ fn print(touches: &str, offered: &str, mut took: Vec<f64>, first: &mut Option<f6
     println!("| {touches} | {offered} | {middle:.0} | {least:.0}, {most:.0} | {ratio:.1} |");
 }
 
-/// Diagnoses sessions repeated up to `touches`, with at most `effects` offered where that is not 0.
+/// Diagnoses sessions of plans of `touches` where that is not 0, with at most `effects` offered where that is not 0.
 fn line(content: Content, touches: usize, effects: usize, first: &mut Option<f64>) {
     let runs = if touches > 2_000 { 3 } else { RUNS };
+    let stage = match touches {
+        0 => Stage::made_up(),
+        touches => Stage::made_up_with(touches),
+    };
     let mut took = Vec::new();
     let (mut rows, mut offered) = (0, 0);
     for seed in 0..runs {
-        let (once, _) = session(90_000 + seed, content);
-        let session = repeated(&once, touches);
+        let (session, _) = session_on(&stage, 90_000 + seed, content);
         let observations = observe(&session).unwrap();
         let mut names: Vec<String> = (library(&observations).into_iter())
             .map(|variant| variant.effect)
@@ -134,27 +135,4 @@ fn line(content: Content, touches: usize, effects: usize, first: &mut Option<f64
     }
     let touches = format!("{rows} ({content:?})");
     print(&touches, &offered.to_string(), took, first);
-}
-
-/// The session's touches again and again, each with its own noise, later and later.
-fn repeated(once: &Session, touches: usize) -> Session {
-    let mut session = once.clone();
-    let count = once.events.len();
-    let span = once.events[count - 1].header.stamp.sec - once.events[0].header.stamp.sec + 10;
-    let mut state = 1_u64;
-    for number in count..touches.max(count) {
-        let mut event = once.events[number % count].clone();
-        event.sequence = number as u64;
-        event.header.stamp.sec += span * (number / count) as i32;
-        for (name, position) in event.axis_names.iter().zip(&mut event.axis_positions) {
-            if ["X", "Y", "Z"].contains(&name.as_str()) {
-                state = state
-                    .wrapping_mul(6_364_136_223_846_793_005)
-                    .wrapping_add(1);
-                *position += NOISE * ((state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5) * 3.4;
-            }
-        }
-        session.events.push(event);
-    }
-    session
 }

@@ -96,12 +96,22 @@ pub struct Truth {
 #[derive(Debug, Clone, Default)]
 pub struct Stage {
     given: Option<Scene>,
+    /// Touches of a plan that is made up; drawn where there is none.
+    touches: Option<usize>,
 }
 
 impl Stage {
     /// Machines, parts and plans made up anew for each session.
     pub fn made_up() -> Self {
         Self::default()
+    }
+
+    /// The same with plans of this many touches.
+    pub fn made_up_with(touches: usize) -> Self {
+        Self {
+            touches: Some(touches),
+            ..Self::default()
+        }
     }
 
     /// Those of a session: its description, its plan, and when each point was touched. What its touches found is not
@@ -112,6 +122,7 @@ impl Stage {
     pub fn of(session: &Session) -> Result<Self, SessionError> {
         Ok(Self {
             given: Some(given::scene(&with_nominal_touches(session)?)?),
+            touches: None,
         })
     }
 }
@@ -174,7 +185,8 @@ pub fn session_on(stage: &Stage, seed: u64, content: Content) -> (Session, Truth
 }
 
 fn hide(stage: &Stage, random: &mut Pcg64Mcg, content: Content) -> Hidden {
-    let scene = (stage.given.clone()).unwrap_or_else(|| Scene::random(random));
+    let made_up = || Scene::random(random, stage.touches);
+    let scene = stage.given.clone().unwrap_or_else(made_up);
     let noise = 10.0_f64.powf(random.random_range(-6.4..-5.7));
     let (known, strange) = match content {
         Content::Clean => (0, 0),

@@ -11,7 +11,7 @@ use effects::discrepancy::{Localised, discrepancies};
 use effects::observation::{Column, Observations};
 use effects::{Variant, candidate, candidates};
 use inference::candidate::{Alias, Candidate};
-use inference::columns::{Columns, Rows};
+use inference::columns::{Columns, Rows, matrix_of};
 use inference::discrepancy::Discrepancy;
 use inference::evidence::InnerProducts;
 use inference::golden_section::golden_section;
@@ -110,13 +110,13 @@ impl<'a> Shapes<'a> {
         }
     }
 
-    /// Displacements on parts of the travel of each axis, with a column for each over the rows on which shapes are scanned.
+    /// Displacements on parts of the travel of each axis, with a row for each over the rows on which shapes are scanned.
     pub(crate) fn localised(&self) -> &(Localised, DMatrix<f64>) {
         self.localised.get_or_init(|| {
             let localised = Localised::new(self.sampled.as_ref().unwrap_or(self.observations));
-            let columns = (0..localised.count()).flat_map(|number| localised.column(number));
-            let columns = DMatrix::from_iterator(self.sample.len(), localised.count(), columns);
-            (localised, columns)
+            let (rows, count) = (self.sample.len(), localised.count());
+            let across = DMatrix::from_vec(rows, count, localised.columns()).transpose();
+            (localised, across)
         })
     }
 
@@ -153,7 +153,7 @@ impl<'a> Shapes<'a> {
     }
 
     /// An orthonormal basis of what each effect can do that is a smooth function with a prior of its own.
-    fn smooth_tables(&self) -> Vec<Vec<Vec<f64>>> {
+    fn smooth_tables(&self) -> Vec<DMatrix<f64>> {
         let mut tables: BTreeMap<&str, Vec<&Vec<f64>>> = BTreeMap::new();
         for candidate in &self.base {
             let variant = &self.variants[candidate.variant];
@@ -162,7 +162,10 @@ impl<'a> Shapes<'a> {
                 columns.extend(&candidate.block);
             }
         }
-        let basis = |columns: Vec<&Vec<f64>>| orthonormal(columns.into_iter().cloned(), SPANNED);
+        let rows = self.observations.rows.len();
+        let basis = |columns: Vec<&Vec<f64>>| {
+            matrix_of(rows, &orthonormal(columns.into_iter().cloned(), SPANNED))
+        };
         tables.into_values().map(basis).collect()
     }
 
@@ -274,24 +277,9 @@ fn sample_of(rows: usize) -> Vec<usize> {
 
 /// True for a process that is one of these tables by another name: a displacement along an axis that depends on where it is,
 /// however it is described, is its positioning error.
-fn is_spanned(discrepancy: &Discrepancy, tables: &[Vec<Vec<f64>>]) -> bool {
-    let Some(columns) = discrepancy.columns().filter(|_| !tables.is_empty()) else {
-        return false;
-    };
-    let power = |columns: &[Vec<f64>]| {
-        columns
-            .iter()
-            .map(|column| dot(column, column))
-            .sum::<f64>()
-    };
-    let most = power(&columns);
-    tables.iter().any(|table| {
-        let mut left = columns.clone();
-        for column in &mut left {
-            project_out(column, table);
-        }
-        power(&left) < APART * most
-    })
+fn is_spanned(discrepancy: &Discrepancy, tables: &[DMatrix<f64>]) -> bool {
+    let mut left = tables.iter().map(|table| discrepancy.share_beside(table));
+    left.any(|left| left.is_some_and(|left| left < APART))
 }
 
 /// A trial whose coefficients are unlikely to exceed the plausible sizes of a variant's parameters.

@@ -4,16 +4,21 @@
 //! with every part of the travel, and so are the sets that are the best until then. The best pairs are moved to where they explain
 //! most, and the evidence decides between their processes and all others.
 
+use std::borrow::Cow;
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use effects::discrepancy::{Displacement, Localised};
-use inference::discrepancy::Discrepancy;
+use inference::discrepancy::{Discrepancy, Kind};
 use inference::linear::{SPANNED, dot, orthonormal, project_out};
+use inference::posterior::Model;
+use inference::search::ScoredSet;
 use nalgebra::{DMatrix, DVector};
 
 use super::candidate_pool::CandidatePool;
-use super::other_kinds;
+use super::with_discrepancy::search_beside_each;
+use super::{Estimator, other_kinds};
 
 /// Most parts of the travel beside which the library is searched.
 const MOST: usize = 6;
@@ -28,54 +33,29 @@ const REFINED: usize = 30;
 /// What keeps less than this share of its power beside the columns of a set shows nothing else.
 const SHOWN: f64 = 1e-4;
 
-/// Localised discrepancies beside each of some sets and beside each candidate alone, the best of them, other than those that are
-/// `known`.
-pub(super) fn beside(
-    pool: &CandidatePool<'_>,
-    sets: &[Vec<usize>],
-    known: &[Rc<Discrepancy>],
-) -> Vec<Rc<Discrepancy>> {
-    let scan = TravelScan::new(pool);
-    let count = scan.localised.count();
-    if count == 0 {
-        return Vec::new();
-    }
-    let choice = (count as f64).ln();
-    let log_prior = -((other_kinds(known) + 1) as f64).ln() - choice;
-    let rows = pool.rows();
-    let process = |displacement: Displacement| {
-        let process = displacement.process(pool.shapes.observations, pool.active, log_prior)?;
-        Some(Rc::new(if pool.lag1_correlation == 0.0 {
-            process
-        } else {
-            process.whitened_for(&rows)
-        }))
-    };
-    let mut processes: Vec<Rc<Discrepancy>> = Vec::new();
-    for process in (scan.best(sets, choice).into_iter()).filter_map(process) {
-        let mut others = known.iter().chain(&processes);
-        if !others.any(|other| other.is_alike(&process)) {
-            processes.push(process);
-        }
-        if processes.len() == MOST {
-            break;
-        }
-    }
-    processes
-}
-
 /// Displacements on all parts of the travel, beside the deviations, over the rows on which shapes are scanned.
-struct TravelScan<'a> {
+pub(super) struct TravelScan<'a> {
     pool: &'a CandidatePool<'a>,
     localised: &'a Localised,
     /// Scanned rows that are in use.
     used: Vec<bool>,
     /// Deviations, zero where a row is not in use.
     y: Vec<f64>,
-    /// A column for each displacement, zero likewise.
-    columns: DMatrix<f64>,
-    /// Sums of squares of the columns.
+    /// A row for each displacement, zero likewise.
+    across: Cow<'a, DMatrix<f64>>,
+    /// Their sums of squares, and their products with the deviations.
     powers: Vec<f64>,
+    products: DVector<f64>,
+    /// Beside each candidate alone.
+    alone: Scanned,
+}
+
+/// The displacements beside some sets.
+#[derive(Default)]
+struct Scanned {
+    /// Largest log likelihood of a set without a displacement, less what it costs.
+    without: f64,
+    found: Vec<Found>,
 }
 
 /// The displacement that explains most beside a set.
@@ -86,43 +66,121 @@ struct Found {
     cost: f64,
     number: usize,
     basis: Vec<Vec<f64>>,
+    /// The displacement near it that explains most, and the worth of that.
+    refined: OnceCell<(f64, Displacement)>,
+}
+
+impl Estimator for TravelScan<'_> {
+    fn is_own(kind: &Kind) -> bool {
+        matches!(kind, Kind::AxisRange(_))
+    }
+
+    /// Localised discrepancies beside each of some sets and beside each candidate alone, the best of them.
+    fn beside(&self, sets: &[Vec<usize>], known: &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>> {
+        let pool = self.pool;
+        let count = self.localised.count();
+        if count == 0 {
+            return Vec::new();
+        }
+        let choice = (count as f64).ln();
+        let log_prior = -((other_kinds(known) + 1) as f64).ln() - choice;
+        let rows = pool.rows();
+        let process = |displacement: Displacement| {
+            let process = displacement.process(pool.shapes.observations, pool.active, log_prior)?;
+            Some(Rc::new(if pool.lag1_correlation == 0.0 {
+                process
+            } else {
+                process.whitened_for(&rows)
+            }))
+        };
+        let mut processes: Vec<Rc<Discrepancy>> = Vec::new();
+        for process in (self.best(sets, choice).into_iter()).filter_map(process) {
+            let mut others = known.iter().chain(&processes);
+            if !others.any(|other| other.is_alike(&process)) {
+                processes.push(process);
+            }
+            if processes.len() == MOST {
+                break;
+            }
+        }
+        processes
+    }
+
+    fn scored(
+        pool: &CandidatePool<'_>,
+        beside: &[ScoredSet],
+        found: &[Rc<Discrepancy>],
+        first: usize,
+        _: &[Model],
+    ) -> Vec<Model> {
+        search_beside_each(pool, beside, found, first)
+    }
 }
 
 impl<'a> TravelScan<'a> {
-    fn new(pool: &'a CandidatePool<'a>) -> Self {
+    pub(super) fn new(pool: &'a CandidatePool<'a>) -> Self {
         let sample = &pool.shapes.sample;
         let used: Vec<bool> = sample.iter().map(|&row| pool.active[row]).collect();
         let y = masked(sample.iter().map(|&row| pool.y[row]).collect(), &used);
-        let (localised, columns) = pool.shapes.localised();
-        let mut columns = columns.clone();
-        for (mut row, _) in (columns.row_iter_mut().zip(&used)).filter(|(_, used)| !**used) {
-            row.fill(0.0);
+        let (localised, across) = pool.shapes.localised();
+        let mut across = Cow::Borrowed(across);
+        for row in (0..used.len()).filter(|&row| !used[row]) {
+            across.to_mut().column_mut(row).fill(0.0);
         }
-        Self {
-            powers: (columns.column_iter().map(|column| column.norm_squared())).collect(),
+        let mut powers = vec![0.0; localised.count()];
+        for column in across.column_iter() {
+            for (power, value) in powers.iter_mut().zip(&column) {
+                *power += value * value;
+            }
+        }
+        let mut scan = Self {
             pool,
             localised,
             used,
+            products: &*across * DVector::from_column_slice(&y),
             y,
-            columns,
-        }
+            across,
+            powers,
+            alone: Scanned::default(),
+        };
+        let alone: Vec<Vec<usize>> = scan.candidates().collect();
+        scan.alone = scan.scanned(&alone);
+        scan
     }
 
     /// The displacements that explain most beside each of some sets and beside each candidate alone, best first; `choice` is
     /// what the choice among all displacements costs.
     fn best(&self, sets: &[Vec<usize>], choice: f64) -> Vec<Displacement> {
-        let all: Vec<Vec<usize>> = sets.iter().cloned().chain(self.candidates()).collect();
-        let bases: Vec<Vec<Vec<f64>>> = all.iter().map(|set| self.basis(set)).collect();
+        let scanned = self.scanned(sets);
+        let without = scanned.without.max(self.alone.without);
+        let mut found: Vec<&Found> = (scanned.found.iter().chain(&self.alone.found))
+            .filter(|found| found.worth > without - COARSE)
+            .collect();
+        found.sort_by(|one, other| other.worth.total_cmp(&one.worth));
+        found.truncate(REFINED);
+        let mut refined: Vec<(f64, Displacement)> = (found.iter())
+            .map(|found| *found.refined.get_or_init(|| self.refined(found)))
+            .filter(|(worth, _)| *worth > without + choice)
+            .collect();
+        refined.sort_by(|one, other| other.0.total_cmp(&one.0));
+        refined
+            .into_iter()
+            .map(|(_, displacement)| displacement)
+            .collect()
+    }
+
+    /// The displacement that explains most beside each of some sets.
+    fn scanned(&self, sets: &[Vec<usize>]) -> Scanned {
+        let bases: Vec<Vec<Vec<f64>>> = sets.iter().map(|set| self.basis(set)).collect();
         let directions = bases.iter().flatten().flatten().copied();
         let count = bases.iter().map(Vec::len).sum();
-        let crossed = self
-            .columns
-            .tr_mul(&DMatrix::from_iterator(self.y.len(), count, directions));
-        let products = self.columns.tr_mul(&DVector::from_column_slice(&self.y));
-        let mut known = f64::NEG_INFINITY;
-        let mut found: Vec<Found> = Vec::new();
+        let crossed = &*self.across * DMatrix::from_iterator(self.y.len(), count, directions);
+        let mut scanned = Scanned {
+            without: f64::NEG_INFINITY,
+            found: Vec::new(),
+        };
         let mut first = 0;
-        for (set, basis) in all.iter().zip(bases) {
+        for (set, basis) in sets.iter().zip(bases) {
             let crossed = crossed.columns(first, basis.len());
             first += basis.len();
             let along: Vec<f64> = (basis.iter())
@@ -130,8 +188,8 @@ impl<'a> TravelScan<'a> {
                 .collect();
             let left = dot(&self.y, &self.y) - dot(&along, &along);
             let cost = OF_EFFECT * set.len() as f64;
-            known = known.max(self.log_likelihood(left) - cost);
-            let (mut powers, mut products) = (self.powers.clone(), products.clone());
+            scanned.without = scanned.without.max(self.log_likelihood(left) - cost);
+            let (mut powers, mut products) = (self.powers.clone(), self.products.clone());
             for (crossed, along) in crossed.column_iter().zip(&along) {
                 for ((power, product), shared) in
                     powers.iter_mut().zip(products.iter_mut()).zip(&crossed)
@@ -144,24 +202,15 @@ impl<'a> TravelScan<'a> {
                 .filter(|(_, ((power, _), all))| **power > SHOWN * **all)
                 .map(|(number, ((power, product), _))| (product * product / power, number))
                 .max_by(|one, other| one.0.total_cmp(&other.0));
-            found.extend(best.map(|(explained, number)| Found {
+            scanned.found.extend(best.map(|(explained, number)| Found {
                 worth: self.log_likelihood(left - explained) - cost,
                 cost,
                 number,
                 basis,
+                refined: OnceCell::new(),
             }));
         }
-        found.retain(|found| found.worth > known - COARSE);
-        found.sort_by(|one, other| other.worth.total_cmp(&one.worth));
-        found.truncate(REFINED);
-        let mut refined: Vec<(f64, Displacement)> =
-            found.iter().map(|found| self.refined(found)).collect();
-        refined.retain(|(worth, _)| *worth > known + choice);
-        refined.sort_by(|one, other| other.0.total_cmp(&one.0));
-        refined
-            .into_iter()
-            .map(|(_, displacement)| displacement)
-            .collect()
+        scanned
     }
 
     /// Of each effect the candidate that explains most alone.

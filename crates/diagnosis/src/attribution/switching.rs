@@ -9,10 +9,13 @@ use std::rc::Rc;
 
 use effects::discrepancy::switching as loadings;
 use inference::discrepancy::{Discrepancy, Kind};
+use inference::posterior::Model;
+use inference::search::ScoredSet;
 use inference::switching::{TwoStates, two_states};
 
 use super::candidate_pool::CandidatePool;
-use super::other_kinds;
+use super::with_discrepancy::score_with_discrepancies;
+use super::{Estimator, other_kinds};
 
 /// Log likelihood that two states must gain over one beside a set: less cannot pay for a cause outside the vocabulary.
 const WORTH: f64 = 6.0;
@@ -24,52 +27,70 @@ const LASTS: usize = 3;
 /// Probability of a state at the start, where the sign of the residual says so.
 const LIKELY: f64 = 0.9;
 
-/// Switching discrepancies beside each of some sets, those of the same states one after the other; `known` are all discrepancies.
-pub(super) fn beside(
-    pool: &CandidatePool<'_>,
-    sets: &[Vec<usize>],
-    known: &[Rc<Discrepancy>],
-) -> Vec<Rc<Discrepancy>> {
-    let observations = pool.shapes.observations;
-    let touched: Vec<usize> = (0..observations.touches())
-        .filter(|&row| pool.active[row])
-        .collect();
-    let used: Vec<usize> = (0..pool.active.len())
-        .filter(|&row| pool.active[row])
-        .collect();
-    let pick = |values: &[f64]| -> Vec<f64> { touched.iter().map(|&row| values[row]).collect() };
-    let what = loadings(observations);
-    let log_prior = -(((other_kinds(known) + 1) * NOMINAL.len() * what.len()) as f64).ln();
-    let mut found = Vec::new();
-    for set in sets {
-        let Some(residuals) = pool.residuals_of(set) else {
-            continue;
-        };
-        let residuals = pick(&residuals);
-        for columns in &what {
-            let picked: Vec<Vec<f64>> = columns.iter().map(|column| pick(column)).collect();
-            let Some(states) = likeliest(&residuals, &picked).filter(|found| lasts(&found.second))
-            else {
+/// What switches, beside sets of the candidates of a pool.
+pub(super) struct Switching<'a>(pub(super) &'a CandidatePool<'a>);
+
+impl Estimator for Switching<'_> {
+    fn is_own(kind: &Kind) -> bool {
+        *kind == Kind::Switching
+    }
+
+    /// Switching discrepancies beside each of some sets, those of the same states one after the other.
+    fn beside(&self, sets: &[Vec<usize>], known: &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>> {
+        let pool = self.0;
+        let observations = pool.shapes.observations;
+        let touched: Vec<usize> = (0..observations.touches())
+            .filter(|&row| pool.active[row])
+            .collect();
+        let used: Vec<usize> = (0..pool.active.len())
+            .filter(|&row| pool.active[row])
+            .collect();
+        let pick =
+            |values: &[f64]| -> Vec<f64> { touched.iter().map(|&row| values[row]).collect() };
+        let what = loadings(observations);
+        let log_prior = -(((other_kinds(known) + 1) * NOMINAL.len() * what.len()) as f64).ln();
+        let mut found = Vec::new();
+        for set in sets {
+            let Some(residuals) = pool.residuals_of(set) else {
                 continue;
             };
-            for nominal in NOMINAL {
-                let mut share = vec![0.0; pool.active.len()];
-                for (&row, second) in touched.iter().zip(&states.second) {
-                    share[row] = f64::from(u8::from(*second)) - nominal;
+            let residuals = pick(&residuals);
+            for columns in &what {
+                let picked: Vec<Vec<f64>> = columns.iter().map(|column| pick(column)).collect();
+                let Some(states) =
+                    likeliest(&residuals, &picked).filter(|found| lasts(&found.second))
+                else {
+                    continue;
+                };
+                for nominal in NOMINAL {
+                    let mut share = vec![0.0; pool.active.len()];
+                    for (&row, second) in touched.iter().zip(&states.second) {
+                        share[row] = f64::from(u8::from(*second)) - nominal;
+                    }
+                    let present: Vec<Vec<f64>> = (columns.iter())
+                        .map(|column| used.iter().map(|&row| column[row] * share[row]).collect())
+                        .collect();
+                    let log_prior = log_prior + states.log_probability;
+                    found.push(Rc::new(Discrepancy::new(
+                        Kind::Switching,
+                        &present,
+                        log_prior,
+                    )));
                 }
-                let present: Vec<Vec<f64>> = (columns.iter())
-                    .map(|column| used.iter().map(|&row| column[row] * share[row]).collect())
-                    .collect();
-                let log_prior = log_prior + states.log_probability;
-                found.push(Rc::new(Discrepancy::new(
-                    Kind::Switching,
-                    &present,
-                    log_prior,
-                )));
             }
         }
+        found
     }
-    found
+
+    fn scored(
+        pool: &CandidatePool<'_>,
+        beside: &[ScoredSet],
+        found: &[Rc<Discrepancy>],
+        first: usize,
+        models: &[Model],
+    ) -> Vec<Model> {
+        score_with_discrepancies(pool, beside, found, first, models)
+    }
 }
 
 /// Indices among those discrepancies of the ones that have the states of the one at this index.

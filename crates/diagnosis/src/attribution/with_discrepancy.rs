@@ -60,11 +60,7 @@ pub(crate) fn score_with_discrepancies(
     let mut best = (known.iter())
         .map(|model| model.log_posterior)
         .fold(f64::NEG_INFINITY, f64::max);
-    let scorer = Scorer {
-        pool,
-        discrepancies,
-        priors: &pool.priors(),
-    };
+    let scorer = Scorer::new(pool, discrepancies);
     let subset = CandidateSubset::new(pool, reduced_sets(scored));
     let mut models: Vec<Model> = Vec::new();
     let mut promising: Vec<(f64, usize, f64)> = Vec::new();
@@ -103,11 +99,7 @@ pub(super) fn search_beside(
     discrepancy: &Rc<Discrepancy>,
     (index, power): (usize, f64),
 ) -> Vec<Model> {
-    let scorer = Scorer {
-        pool,
-        discrepancies: std::slice::from_ref(discrepancy),
-        priors: &pool.priors(),
-    };
+    let scorer = Scorer::new(pool, std::slice::from_ref(discrepancy));
     let priors = scorer.priors_with(discrepancy);
     let products = (design.with_discrepancy(discrepancy)).products(power, &pool.products);
     let mut found = search(&products, &priors, SEARCH_BEAM, &mut EvidenceCache::new());
@@ -127,11 +119,7 @@ pub(super) fn search_anew(
     discrepancies: &[Rc<Discrepancy>],
     (index, power): (usize, f64),
 ) -> Vec<Model> {
-    let scorer = Scorer {
-        pool,
-        discrepancies,
-        priors: &pool.priors(),
-    };
+    let scorer = Scorer::new(pool, discrepancies);
     let design = Design::new(pool.candidates.iter(), pool.y, &pool.rows());
     scorer.search(&design, index, power)
 }
@@ -144,11 +132,7 @@ pub(super) fn search_beside_each(
     discrepancies: &[Rc<Discrepancy>],
     first: usize,
 ) -> Vec<Model> {
-    let scorer = Scorer {
-        pool,
-        discrepancies,
-        priors: &pool.priors(),
-    };
+    let scorer = Scorer::new(pool, discrepancies);
     let design = Design::new(pool.candidates.iter(), pool.y, &pool.rows());
     let mut models = Vec::new();
     for screened in scorer
@@ -161,6 +145,32 @@ pub(super) fn search_beside_each(
     }
     number_from(first, &mut models);
     models
+}
+
+/// The largest of `count` values that rise and then fall, and its index: from the best of every third to its neighbours.
+fn climb(count: usize, mut value: impl FnMut(usize) -> f64) -> (f64, usize) {
+    let mut known: Vec<Option<f64>> = vec![None; count];
+    let mut at = |index: usize| *known[index].get_or_insert_with(|| value(index));
+    let mut best = (f64::NEG_INFINITY, 0);
+    for index in (1..count).step_by(3) {
+        let own = at(index);
+        if own > best.0 {
+            best = (own, index);
+        }
+    }
+    loop {
+        let neighbours = best.1.saturating_sub(1)..(best.1 + 2).min(count);
+        let next = neighbours
+            .map(|index| (at(index), index))
+            .fold(
+                best,
+                |best, other| if other.0 > best.0 { other } else { best },
+            );
+        if next.1 == best.1 {
+            return next;
+        }
+        best = next;
+    }
 }
 
 /// Counts the discrepancies of some models from `first`.
@@ -196,10 +206,18 @@ struct Screened {
 struct Scorer<'a> {
     pool: &'a CandidatePool<'a>,
     discrepancies: &'a [Rc<Discrepancy>],
-    priors: &'a Priors,
+    priors: Priors,
 }
 
-impl Scorer<'_> {
+impl<'a> Scorer<'a> {
+    fn new(pool: &'a CandidatePool<'a>, discrepancies: &'a [Rc<Discrepancy>]) -> Self {
+        Self {
+            pool,
+            discrepancies,
+            priors: pool.priors(),
+        }
+    }
+
     /// Priors of the candidates beside a discrepancy.
     fn priors_with(&self, discrepancy: &Discrepancy) -> Priors {
         let mut priors = self.priors.clone();
@@ -234,25 +252,18 @@ impl Scorer<'_> {
         let mut screened: Vec<Screened> = Vec::new();
         for (index, discrepancy) in self.discrepancies.iter().enumerate() {
             let whitened = subset.design.with_discrepancy(discrepancy);
-            let mut best: Option<Screened> = None;
-            for (power, &value) in powers(discrepancy).iter().enumerate() {
-                let products = whitened.products(value, &subset.plain);
-                for (fitted, prior) in &sets {
-                    let log_posterior =
-                        fitted.log_evidence(&products) + prior + log_prior_with(discrepancy);
-                    if best
-                        .as_ref()
-                        .is_none_or(|known| log_posterior > known.log_posterior)
-                    {
-                        best = Some(Screened {
-                            log_posterior,
-                            index,
-                            power,
-                        });
-                    }
-                }
-            }
-            screened.extend(best);
+            let powers = powers(discrepancy);
+            let (log_posterior, power) = climb(powers.len(), |power| {
+                let products = whitened.products(powers[power], &subset.plain);
+                (sets.iter())
+                    .map(|(fitted, prior)| fitted.log_evidence(&products) + prior)
+                    .fold(f64::NEG_INFINITY, f64::max)
+            });
+            screened.push(Screened {
+                log_posterior: log_posterior + log_prior_with(discrepancy),
+                index,
+                power,
+            });
         }
         screened.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
         let best = screened

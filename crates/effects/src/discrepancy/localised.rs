@@ -102,15 +102,13 @@ impl Localised {
             displaced.push(std::array::from_fn(|component| {
                 in_direction_of_joint(observations, axis, component)
             }));
-            let parts: Vec<Part> = ranges(low, high).chain(places(low, high)).collect();
-            let of_axis = (0..3).flat_map(|component| {
-                parts.iter().map(move |&part| Displacement {
+            all.extend(ranges(low, high).chain(places(low, high)).flat_map(|part| {
+                (0..3).map(move |component| Displacement {
                     axis,
                     component,
                     part,
                 })
-            });
-            all.extend(of_axis);
+            }));
         }
         Self {
             weights: observations.rows.iter().map(|row| row.weight).collect(),
@@ -124,19 +122,52 @@ impl Localised {
         self.all.len()
     }
 
-    /// How one of them shows in the weighted rows, where it is one at its largest.
-    pub fn column(&self, number: usize) -> Vec<f64> {
-        self.column_of(self.all[number])
+    /// How each of them shows in the weighted rows, where it is one at its largest: one column after the other.
+    pub fn columns(&self) -> Vec<f64> {
+        let mut columns = Vec::with_capacity(self.all.len() * self.weights.len());
+        // The three directions on a part of the travel follow one another and share how much of it acts where.
+        for of_part in self
+            .all
+            .chunk_by(|one, other| one.component < other.component)
+        {
+            let shares = self.shares(of_part[0]);
+            for displacement in of_part {
+                columns.extend(self.shown(*displacement, &shares));
+            }
+        }
+        columns
     }
 
     fn column_of(&self, displacement: Displacement) -> Vec<f64> {
-        let atoms = self.displaced[displacement.axis][displacement.component].iter();
-        let value = |(atoms, weight): (&[(f64, f64); 2], &f64)| {
-            let seen = atoms.iter().filter(|(seen, _)| *seen != 0.0);
-            let share = seen.map(|(seen, at)| seen * displacement.part.share(*at));
-            share.sum::<f64>() * weight
-        };
-        atoms.zip(&self.weights).map(value).collect()
+        let shares = self.shares(displacement);
+        self.shown(displacement, &shares).collect()
+    }
+
+    /// Size of a displacement at each row, while probing and while cutting.
+    fn shares(&self, Displacement { axis, part, .. }: Displacement) -> Vec<[f64; 2]> {
+        let rows = (0..self.weights.len()).map(|row| {
+            std::array::from_fn(|atom| {
+                let of = &self.displaced[axis];
+                let at = of[0][row][atom].1;
+                let seen = of.iter().any(|along| along[row][atom].0 != 0.0);
+                if seen { part.share(at) } else { 0.0 }
+            })
+        });
+        rows.collect()
+    }
+
+    /// How a displacement of these sizes shows in the weighted rows.
+    fn shown<'a>(
+        &'a self,
+        Displacement {
+            axis, component, ..
+        }: Displacement,
+        shares: &'a [[f64; 2]],
+    ) -> impl Iterator<Item = f64> + 'a {
+        let rows = (self.displaced[axis][component].iter().zip(shares)).zip(&self.weights);
+        rows.map(|((atoms, shares), weight)| {
+            (atoms[0].0 * shares[0] + atoms[1].0 * shares[1]) * weight
+        })
     }
 
     /// The displacement near one of them at which `worth` of its column is largest, by moves that become smaller.
@@ -244,10 +275,12 @@ mod tests {
             }
         };
         let localised = Localised::new(&observations);
+        let columns = localised.columns();
+        let all: Vec<f64> = (columns.chunks_exact(values.len()))
+            .map(|column| explained(column.to_vec()))
+            .collect();
         let best = (0..localised.count())
-            .max_by(|&one, &other| {
-                explained(localised.column(one)).total_cmp(&explained(localised.column(other)))
-            })
+            .max_by(|&one, &other| all[one].total_cmp(&all[other]))
             .expect("an axis that moves");
         let (most, found) = localised.refined(best, explained);
         assert!(most > 0.999 * power, "{} of the bump", most / power);

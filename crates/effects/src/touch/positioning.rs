@@ -202,17 +202,16 @@ impl Positioning {
         let spacing = (to - from) / last;
         let build = move |rows: &Observations| {
             let bends = table.smooth.map(|_| bends(table.targets));
-            let column = |target: usize| {
-                rows.machine_column(true, |pose, _| {
-                    let along = ((pose.positions[axis] - from) / spacing).clamp(0.0, last);
+            rows.machine_columns(true, table.numbers().count(), |pose, _, displacements| {
+                let along = ((pose.positions[axis] - from) / spacing).clamp(0.0, last);
+                for (displacement, target) in displacements.iter_mut().zip(table.numbers()) {
                     let straight = (1.0 - (along - target as f64).abs()).max(0.0);
                     let bent = bends
                         .as_ref()
                         .map_or(0.0, |bends| bend(bends, target, along));
-                    pose.sensitivity.axes[axis] * (straight + bent)
-                })
-            };
-            table.numbers().map(column).collect()
+                    *displacement = pose.sensitivity.axes[axis] * (straight + bent);
+                }
+            })
         };
         let variant = Variant::linear(of.id(self.id()), parameters(table), build);
         let variant = variant.with_constants(&[("from", from, "m"), ("to", to, "m")]);
@@ -275,10 +274,11 @@ fn bends(targets: usize) -> DMatrix<f64> {
 /// spacings from the beginning of the travel, within it.
 fn bend(bends: &DMatrix<f64>, target: usize, along: f64) -> f64 {
     let spacings = bends.ncols() - 1;
-    let before = (along.floor() as usize).min(spacings - 1);
+    let before = (along as usize).min(spacings - 1);
     let (past, ahead) = (along - before as f64, before as f64 + 1.0 - along);
     let at = |index: usize| bends[(index, target)];
-    ((ahead.powi(3) - ahead) * at(before) + (past.powi(3) - past) * at(before + 1)) / 6.0
+    let cubic = |share: f64| share * (share * share - 1.0);
+    (cubic(ahead) * at(before) + cubic(past) * at(before + 1)) / 6.0
 }
 
 #[cfg(test)]

@@ -8,8 +8,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::kind::Kind;
 use super::tridiagonal::Tridiagonal;
-use crate::columns::Rows;
-use crate::linear::{add_scaled, project_out, scale, whiten};
+use crate::columns::{Rows, matrix_of};
+use crate::linear::{add_scaled, scale, whiten};
 
 /// Directions whose power beside a basis is below this share of the largest are dropped.
 const MIN_POWER: f64 = 1e-3;
@@ -37,16 +37,10 @@ enum Form {
     Scatter(Vec<f64>),
 }
 
-/// Principal directions of the span of columns, a row of the matrix for each, with their powers.
-fn leading(columns: &[Vec<f64>]) -> (DMatrix<f64>, Vec<f64>) {
-    let rows = columns.first().map_or(0, Vec::len);
-    let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
-    let across = down.transpose();
-    let eigen = (&across * down).symmetric_eigen();
-    (
-        eigen.eigenvectors.transpose() * across,
-        eigen.eigenvalues.data.into(),
-    )
+/// Principal directions of the span of the rows of a matrix, again a row for each, with their powers.
+fn leading(lines: &DMatrix<f64>) -> (DMatrix<f64>, DVector<f64>) {
+    let eigen = (lines * lines.transpose()).symmetric_eigen();
+    (eigen.eigenvectors.transpose() * lines, eigen.eigenvalues)
 }
 
 /// Leading columns of a covariance over the rows by a pivoted Cholesky factorisation, at most `most`.
@@ -129,8 +123,7 @@ impl Discrepancy {
     /// The process whose kernel is the sum of the outer products of columns over the active rows, at least one.
     pub fn new(kind: Kind, columns: &[Vec<f64>], log_prior: f64) -> Self {
         let rows = columns.first().map_or(0, Vec::len);
-        let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
-        Self::from_lines(kind, down.transpose(), log_prior)
+        Self::from_lines(kind, matrix_of(rows, columns).transpose(), log_prior)
     }
 
     /// The process of these independent variances of the rows.
@@ -283,20 +276,28 @@ impl Discrepancy {
         Some((lines.row_iter().map(|row| line(row.into_owned()))).collect())
     }
 
-    /// The process orthogonal to an orthonormal basis over the active rows; `None` where nothing remains.
-    pub fn orthogonal_to(&self, basis: &[Vec<f64>]) -> Option<Self> {
-        let largest = |powers: &[f64]| powers.iter().copied().fold(0.0, f64::max);
-        let mut columns = self.columns()?;
-        let most = largest(&leading(&columns).1);
-        for column in &mut columns {
-            project_out(column, basis);
-        }
-        let (directions, powers) = leading(&columns);
-        let kept: Vec<Vec<f64>> = (directions.row_iter().zip(&powers))
-            .filter(|&(_, &power)| power > MIN_POWER * most)
-            .map(|(column, _)| column.iter().copied().collect())
+    /// Share of the kernel's trace that an orthonormal basis, the columns of a matrix over the active rows, leaves; `None` for
+    /// scatter.
+    pub fn share_beside(&self, basis: &DMatrix<f64>) -> Option<f64> {
+        let Form::Smooth(lines, _) = &self.form else {
+            return None;
+        };
+        Some(1.0 - (lines * basis).norm_squared() / self.trace())
+    }
+
+    /// The process orthogonal to an orthonormal basis, the columns of a matrix over the active rows; `None` where nothing remains.
+    pub fn orthogonal_to(&self, basis: &DMatrix<f64>) -> Option<Self> {
+        let Form::Smooth(lines, _) = &self.form else {
+            return None;
+        };
+        let (_, all) = leading(lines);
+        let left = lines - (lines * basis) * basis.transpose();
+        let (directions, powers) = leading(&left);
+        let kept: Vec<usize> = (0..powers.len())
+            .filter(|&number| powers[number] > MIN_POWER * all.max())
             .collect();
-        (!kept.is_empty()).then(|| Self::new(self.kind.clone(), &kept, self.log_prior))
+        let kept = directions.select_rows(&kept);
+        (kept.nrows() > 0).then(|| Self::from_lines(self.kind.clone(), kept, self.log_prior))
     }
 }
 

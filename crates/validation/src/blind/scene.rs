@@ -147,7 +147,8 @@ fn axis(name: &'static str, turns: bool, direction: [f64; 3], origin: [f64; 3]) 
 }
 
 impl Scene {
-    pub(super) fn random(random: &mut Pcg64Mcg) -> Self {
+    /// One that is made up, with a plan of `touches`; drawn where there is none.
+    pub(super) fn random(random: &mut Pcg64Mcg, touches: Option<usize>) -> Self {
         let length = random.random_range(0.1..0.2);
         let (machine, part_axes, tool_axes, fixed) = match random.random_range(0..3) {
             0 => (
@@ -214,7 +215,7 @@ impl Scene {
             given: None,
         };
         scene.part(random);
-        scene.plan(random);
+        scene.plan(random, touches);
         scene
     }
 
@@ -270,8 +271,8 @@ impl Scene {
         }
     }
 
-    fn plan(&mut self, random: &mut Pcg64Mcg) {
-        let count = random.random_range(80..160);
+    fn plan(&mut self, random: &mut Pcg64Mcg, touches: Option<usize>) {
+        let count = touches.unwrap_or_else(|| random.random_range(80..160));
         let tilt = random.random_range(0.2..0.7);
         let tilted = random.random_bool(0.85);
         let feeds: Vec<f64> = if random.random_bool(0.6) {
