@@ -232,12 +232,13 @@ fn finish(mut pool: CandidatePool<'_>, scored: &[ScoredSet]) -> ModelPosterior {
     models.extend(offered.into_iter().map(|model| noisy(model, noise)));
     let mut sets = vec![Vec::new()];
     sets.extend(best_of_each_size(scored, 3));
+    let fits: Vec<Fitted> = sets.into_iter().map(Fitted::alone).collect();
     let all = (&mut discrepancies, &mut models);
     let travel = (&pool, &TravelScan::new(&pool));
-    add_estimated(travel, scored, sets.clone(), all, noise);
+    add_estimated(travel, scored, fits.clone(), all, noise);
     if white {
         let all = (&mut discrepancies, &mut models);
-        add_switching(&pool, scored, sets, all, noise);
+        add_switching(&pool, scored, fits, all, noise);
     }
     let restricted = restricted::restrict(&pool, &discrepancies, &mut models);
     normalise(&mut models);
@@ -282,12 +283,12 @@ fn scan_beside_unknown(
     let kind = (models[0].discrepancy).map(|(index, _)| discrepancies[index].kind.clone());
     if let Some(kind) = kind.filter(|_| better) {
         // Its states or its part of the travel were those beside the shapes before.
-        let sets = vec![models[0].set.clone()];
+        let fits = Fitted::around(&models[0]);
         let all = (&mut discrepancies, &mut models);
         if Switching::is_own(&kind) {
-            add_switching(pool, scored, sets, all, noise);
+            add_switching(pool, scored, fits, all, noise);
         } else if TravelScan::is_own(&kind) {
-            add_estimated((pool, &TravelScan::new(pool)), scored, sets, all, noise);
+            add_estimated((pool, &TravelScan::new(pool)), scored, fits, all, noise);
         }
         normalise(&mut models);
     }
@@ -340,13 +341,36 @@ fn noisy(model: Model, noise: f64) -> Model {
     }
 }
 
+/// A set of effects, fitted alone or beside a discrepancy: its number, and its variance over that of the noise.
+#[derive(Debug, Clone, PartialEq)]
+struct Fitted {
+    set: Vec<usize>,
+    beside: Option<(usize, f64)>,
+}
+
+impl Fitted {
+    fn alone(set: Vec<usize>) -> Self {
+        Self { set, beside: None }
+    }
+
+    /// The set of a model and the same without each of its effects, each fitted alone and beside the discrepancy of the model.
+    fn around(model: &Model) -> Vec<Self> {
+        let sets = || iter::once(model.set.clone()).chain(without_each(&model.set));
+        let beside = sets().map(|set| Self {
+            set,
+            beside: model.discrepancy,
+        });
+        sets().map(Self::alone).chain(beside).collect()
+    }
+}
+
 /// Discrepancies that are estimated from what sets of effects leave.
 trait Estimator {
     /// True for the kinds of discrepancies that it estimates.
     fn is_own(kind: &Kind) -> bool;
 
-    /// Discrepancies beside each of some sets; `known` are all that there are already.
-    fn beside(&self, sets: &[Vec<usize>], known: &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>>;
+    /// Discrepancies in what each of some sets leaves; `known` are all that there are already.
+    fn beside(&self, fits: &[Fitted], known: &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>>;
 
     /// Scores sets with estimated discrepancies, the first of which has the number that is given, against the models so far.
     fn scored(
@@ -371,24 +395,25 @@ fn other_kinds(discrepancies: &[Rc<Discrepancy>]) -> usize {
 fn add_estimated<E: Estimator>(
     (pool, estimator): (&CandidatePool<'_>, &E),
     scored: &[ScoredSet],
-    mut sets: Vec<Vec<usize>>,
+    mut fits: Vec<Fitted>,
     (discrepancies, models): (&mut Vec<Rc<Discrepancy>>, &mut Vec<Model>),
     noise: f64,
 ) {
     let is_own = |discrepancy: &Discrepancy| E::is_own(&discrepancy.kind);
-    let mut known: Vec<Vec<usize>> = Vec::new();
+    let mut known: Vec<Fitted> = Vec::new();
     for _ in 0..=ESTIMATIONS {
-        sets.retain(|set| !known.contains(set));
-        let found = estimator.beside(&sets, discrepancies);
-        known.append(&mut sets);
+        fits.retain(|fit| !known.contains(fit));
+        let found = estimator.beside(&fits, discrepancies);
+        known.append(&mut fits);
         if found.is_empty() {
             break;
         }
         let first = discrepancies.len();
         // What they were estimated beside may be in no set that is good without them.
-        let beside = known.iter().rev().map(|set| ScoredSet {
-            set: set.clone(),
-            log_posterior: pool.products.log_evidence(set),
+        let alone = known.iter().rev().filter(|fit| fit.beside.is_none());
+        let beside = alone.map(|fit| ScoredSet {
+            set: fit.set.clone(),
+            log_posterior: pool.products.log_evidence(&fit.set),
         });
         let beside: Vec<ScoredSet> = beside.chain(scored.iter().cloned()).collect();
         let offered = E::scored(pool, &beside, &found, first, models);
@@ -400,12 +425,11 @@ fn add_estimated<E: Estimator>(
             };
             best_of(models.iter().filter(of))
         };
-        // An effect of the best set may stand for states, or a part of the travel, that are wrong.
-        sets = (best(true).into_iter())
-            .flat_map(|model| iter::once(model.set.clone()).chain(without_each(&model.set)))
-            .collect();
-        let other = best(false).map(|model| model.set.clone());
-        sets.extend(other.filter(|other| !sets.contains(other)));
+        // An effect of the best set may stand for states, or a part of the travel, that are wrong; and the set fitted alone takes a
+        // part of what it was fitted without.
+        fits = best(true).map_or_else(Vec::new, Fitted::around);
+        let other = best(false).map(|model| Fitted::alone(model.set.clone()));
+        fits.extend(other.filter(|other| !fits.contains(other)));
     }
 }
 
@@ -413,13 +437,13 @@ fn add_estimated<E: Estimator>(
 fn add_switching(
     pool: &CandidatePool<'_>,
     scored: &[ScoredSet],
-    sets: Vec<Vec<usize>>,
+    fits: Vec<Fitted>,
     (discrepancies, models): (&mut Vec<Rc<Discrepancy>>, &mut Vec<Model>),
     noise: f64,
 ) {
     let first_of_all = discrepancies.len();
     let all = (&mut *discrepancies, &mut *models);
-    add_estimated((pool, &Switching(pool)), scored, sets, all, noise);
+    add_estimated((pool, &Switching(pool)), scored, fits, all, noise);
     // The nominal place was chosen beside sets that may lack what the search has found since.
     let found = best_of(models.iter()).and_then(|model| model.discrepancy);
     if let Some((index, power)) = found.filter(|&(index, _)| index >= first_of_all) {

@@ -13,7 +13,7 @@ use effects::{Variant, candidate, candidates};
 use inference::candidate::{Alias, Candidate};
 use inference::columns::{Columns, Rows, matrix_of};
 use inference::discrepancy::Discrepancy;
-use inference::evidence::InnerProducts;
+use inference::evidence::{Fit, InnerProducts};
 use inference::golden_section::golden_section;
 use inference::linear::{SPANNED, add_scaled, dot, orthonormal, project_out};
 use inference::posterior::ModelPosterior;
@@ -22,6 +22,7 @@ use inference::search::{
     EvidenceCache, Priors, ScoredSet, default_beam_width, exchange_best, search,
 };
 use inference::trial::Trial;
+use inference::whitened::Design;
 use nalgebra::DMatrix;
 
 /// Rows on which shapes are scanned.
@@ -368,9 +369,28 @@ impl<'a> CandidatePool<'a> {
         }
     }
 
-    /// Weighted deviations of all rows less what the effects of a set predict, m; `None` for a set that cannot be solved.
-    pub(super) fn residuals_of(&self, set: &[usize]) -> Option<Vec<f64>> {
-        let fit = self.products.fit(set)?;
+    /// Fit of a set, alone or beside a discrepancy over the rows in use at a variance over that of the noise; `None` for a set that
+    /// cannot be solved.
+    fn fit(&self, set: &[usize], beside: Option<(&Discrepancy, f64)>) -> Option<Fit> {
+        let Some((discrepancy, power)) = beside else {
+            return self.products.fit(set);
+        };
+        let members = set.iter().map(|&member| &self.candidates[member]);
+        let indices: Vec<usize> = (0..set.len()).collect();
+        Design::new(members, self.y, &self.rows())
+            .with_discrepancy(discrepancy)
+            .products(power, &self.products.subset(set))
+            .fit(&indices)
+    }
+
+    /// Weighted deviations of all rows less what the effects of a set predict that is fitted alone or beside a discrepancy, m; `None`
+    /// for a set that cannot be solved.
+    pub(super) fn residuals_of(
+        &self,
+        set: &[usize],
+        beside: Option<(&Discrepancy, f64)>,
+    ) -> Option<Vec<f64>> {
+        let fit = self.fit(set, beside)?;
         let mut residuals = self.y.to_vec();
         let columns = (set.iter()).flat_map(|&member| &self.candidates[member].block);
         for (column, coefficient) in columns.zip(&fit.coefficients) {

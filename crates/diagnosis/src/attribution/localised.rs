@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidate_pool::CandidatePool;
 use super::with_discrepancy::search_beside_each;
-use super::{Estimator, other_kinds};
+use super::{Estimator, Fitted, other_kinds};
 
 /// Most parts of the travel beside which the library is searched.
 const MOST: usize = 6;
@@ -75,8 +75,11 @@ impl Estimator for TravelScan<'_> {
         matches!(kind, Kind::AxisRange(_))
     }
 
-    /// Localised discrepancies beside each of some sets and beside each candidate alone, the best of them.
-    fn beside(&self, sets: &[Vec<usize>], known: &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>> {
+    /// Localised discrepancies beside each of some sets and beside each candidate alone, the best of them; the set is fitted
+    /// together with each.
+    fn beside(&self, fits: &[Fitted], known: &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>> {
+        let alone = fits.iter().filter(|fit| fit.beside.is_none());
+        let sets: Vec<Vec<usize>> = alone.map(|fit| fit.set.clone()).collect();
         let pool = self.pool;
         let count = self.localised.count();
         if count == 0 {
@@ -94,7 +97,7 @@ impl Estimator for TravelScan<'_> {
             }))
         };
         let mut processes: Vec<Rc<Discrepancy>> = Vec::new();
-        for process in (self.best(sets, choice).into_iter()).filter_map(process) {
+        for process in (self.best(&sets, choice).into_iter()).filter_map(process) {
             let mut others = known.iter().chain(&processes);
             if !others.any(|other| other.is_alike(&process)) {
                 processes.push(process);

@@ -15,7 +15,7 @@ use inference::switching::{TwoStates, two_states};
 
 use super::candidate_pool::CandidatePool;
 use super::with_discrepancy::score_with_discrepancies;
-use super::{Estimator, other_kinds};
+use super::{Estimator, Fitted, other_kinds};
 
 /// Log likelihood that two states must gain over one beside a set: less cannot pay for a cause outside the vocabulary.
 const WORTH: f64 = 6.0;
@@ -35,8 +35,8 @@ impl Estimator for Switching<'_> {
         *kind == Kind::Switching
     }
 
-    /// Switching discrepancies beside each of some sets, those of the same states one after the other.
-    fn beside(&self, sets: &[Vec<usize>], known: &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>> {
+    /// Switching discrepancies in what each of some sets leaves, those of the same states one after the other.
+    fn beside(&self, fits: &[Fitted], known: &[Rc<Discrepancy>]) -> Vec<Rc<Discrepancy>> {
         let pool = self.0;
         let observations = pool.shapes.observations;
         let touched: Vec<usize> = (0..observations.touches())
@@ -50,8 +50,9 @@ impl Estimator for Switching<'_> {
         let what = loadings(observations);
         let log_prior = -(((other_kinds(known) + 1) * NOMINAL.len() * what.len()) as f64).ln();
         let mut found = Vec::new();
-        for set in sets {
-            let Some(residuals) = pool.residuals_of(set) else {
+        for fit in fits {
+            let discrepancy = (fit.beside).map(|(index, power)| (&*known[index], power));
+            let Some(residuals) = pool.residuals_of(&fit.set, discrepancy) else {
                 continue;
             };
             let residuals = pick(&residuals);
