@@ -152,3 +152,66 @@ impl<'a> Ridge<'a> {
         Some(residuals)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{Rng, SeedableRng};
+    use rand_distr::StandardNormal;
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    const ROWS: usize = 90;
+
+    fn drawn(random: &mut Pcg64Mcg, size: f64) -> Vec<f64> {
+        (0..ROWS)
+            .map(|_| size * random.sample::<f64, _>(StandardNormal))
+            .collect()
+    }
+
+    /// Three columns without order and what they and some noise add up to, m.
+    fn session() -> (Vec<Vec<f64>>, Vec<f64>) {
+        let mut random = Pcg64Mcg::seed_from_u64(31);
+        let columns: Vec<Vec<f64>> = (0..3).map(|_| drawn(&mut random, 1e-5)).collect();
+        let noise = drawn(&mut random, 1e-6);
+        let y = (0..ROWS).map(|row| columns[0][row] - 2.0 * columns[2][row] + noise[row]);
+        let y = y.collect();
+        (columns, y)
+    }
+
+    /// A ridge from which rows were taken is that of the others: no product of theirs is left in it.
+    #[test]
+    fn a_row_that_is_taken_out_leaves_the_ridge_of_the_others() {
+        let (columns, y) = session();
+        let mut some = Ridge::new(&[&columns], &y);
+        let taken = [4, 17, 60];
+        for row in taken {
+            some.remove(row);
+        }
+        let kept = |values: &[f64]| -> Vec<f64> {
+            let rows = values.iter().enumerate();
+            let kept = rows.filter(|(row, _)| !taken.contains(row));
+            kept.map(|(_, value)| *value).collect()
+        };
+        let rest: Vec<Vec<f64>> = columns.iter().map(|column| kept(column)).collect();
+        let (others, alone) = (kept(&y), some.standardised_residuals().expect("solvable"));
+        let expected = Ridge::new(&[&rest], &others).standardised_residuals();
+        for ((row, own), (_, other)) in alone.into_iter().zip(expected.expect("solvable")) {
+            assert!(
+                (own - other).abs() < 1e-9 * other.max(1.0),
+                "{row}: {own}, {other}"
+            );
+        }
+    }
+
+    /// Touches that are off by many times the noise are suspects, whatever smooth signal they lie on; no others are.
+    #[test]
+    fn what_no_column_predicts_is_suspect() {
+        let (columns, mut y) = session();
+        assert_eq!(suspects(&[&columns], &y), []);
+        for (row, off) in [(12, 4e-5), (71, -9e-5)] {
+            y[row] += off;
+        }
+        assert_eq!(suspects(&[&columns], &y), [71, 12]);
+    }
+}

@@ -107,6 +107,20 @@ fn what_acts_on_a_short_range_of_an_axis_is_unknown_and_no_stray_touches() {
     }
 }
 
+/// The states of a loose stylus are those beside the effects that are fitted together with it. While they were estimated only in what the
+/// effects leave when fitted alone, a few touches were put into the wrong state and a slip, certain by thirty nats, made them good again.
+#[test]
+fn no_slip_makes_good_what_wrong_states_of_a_loose_stylus_leave() {
+    let trial = Trial::Hidden(Content::Beside(2, Outsider::LooseStylus));
+    for number in [51, 55] {
+        let seed = trial.seed(1_029_496_951, number);
+        let judged = judge(&Stage::made_up(), seed, trial).unwrap();
+        let answer = format!("{number}: {:?} {}", judged.truth, judged.report);
+        assert!(judged.flagged(), "{answer}");
+        assert!(judged.cause, "{answer}");
+    }
+}
+
 /// Noise that remembers the touch before does not hide a cause outside the vocabulary.
 #[test]
 fn something_unknown_stands_beside_correlated_noise_too() {

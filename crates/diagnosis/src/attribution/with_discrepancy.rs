@@ -438,3 +438,25 @@ fn reduced_sets(scored: &[ScoredSet]) -> Vec<Vec<usize>> {
     }
     sets
 }
+
+#[cfg(test)]
+mod tests {
+    use super::climb;
+
+    /// Wherever the summit of a single hill is, it is found, and most of the values are not asked for.
+    #[test]
+    fn the_summit_of_a_single_hill_is_found() {
+        for count in [1, 2, 7, 9] {
+            for summit in 0..count {
+                let mut asked = 0;
+                let value = |index: usize| {
+                    asked += 1;
+                    -(index as f64 - summit as f64).abs()
+                };
+                assert_eq!(climb(count, value), (0.0, summit), "of {count}");
+                assert!(asked <= count.min(6), "{asked} of {count}");
+            }
+        }
+        assert_eq!(climb(0, |_| 0.0).0, f64::NEG_INFINITY);
+    }
+}
