@@ -169,12 +169,14 @@ mod tests {
             .collect()
     }
 
-    /// Three columns without order and what they and some noise add up to, m.
+    /// Three columns of about unit length without order, and what two of them, 30 and 60 µm at a row, and 1 µm of noise add up to.
     fn session() -> (Vec<Vec<f64>>, Vec<f64>) {
         let mut random = Pcg64Mcg::seed_from_u64(31);
-        let columns: Vec<Vec<f64>> = (0..3).map(|_| drawn(&mut random, 1e-5)).collect();
+        let unit = 1.0 / (ROWS as f64).sqrt();
+        let columns: Vec<Vec<f64>> = (0..3).map(|_| drawn(&mut random, unit)).collect();
         let noise = drawn(&mut random, 1e-6);
-        let y = (0..ROWS).map(|row| columns[0][row] - 2.0 * columns[2][row] + noise[row]);
+        let size = 3e-5 / unit;
+        let y = (0..ROWS).map(|row| size * (columns[0][row] - 2.0 * columns[2][row]) + noise[row]);
         let y = y.collect();
         (columns, y)
     }
