@@ -3,7 +3,7 @@
 //! Sessions of the blind plant, whose plans have 80 to 160 touches or the number that is given. A plate of 640 holes, each with two
 //! readings, and nine days of a warming spindle diagnosed together are those of the layouts. Times are those of the processor, by the kernel's
 //! account of this thread, so that what else runs hardly matters: median and range over sessions. The last column
-//! tells how much longer than the first line. `-- 10000` makes only the lines of so many touches, `-- 0` those of 124.
+//! tells how much longer than the first line. `-- 10000` makes only the lines of so many touches, `-- 0` those of 80 to 160.
 #![expect(
     clippy::print_stdout,
     clippy::unwrap_used,
