@@ -6,8 +6,8 @@ use crate::candidate::{Alias, Candidate};
 use crate::columns::Rows;
 use crate::discrepancy::{Discrepancy, Kind};
 use crate::evidence::{Fit, InnerProducts};
-use crate::linear::{add_scaled, unwhiten};
-use crate::whitened::Design;
+use crate::linear::unwhiten;
+use crate::whitened::Regression;
 
 /// A model: a set of candidates, with or without a discrepancy.
 #[derive(Debug, Clone)]
@@ -101,27 +101,25 @@ impl ModelPosterior {
 
     /// Weighted deviations of all rows less what the effects of a model predict; `None` where it cannot be fitted.
     pub fn residuals(&self, model: &Model) -> Option<Vec<f64>> {
-        let fit = self.fit(model)?;
-        let mut residuals = self.y.clone();
-        let columns = (model.set.iter()).flat_map(|&member| &self.candidates[member].block);
-        for (column, coefficient) in columns.zip(&fit.coefficients) {
-            add_scaled(&mut residuals, -coefficient, column);
-        }
-        Some(residuals)
+        (self.regression()).residuals(&model.set, self.discrepancy_of(model))
     }
 
     /// Fit of a model's set on the active rows, beside its discrepancy.
     pub fn fit(&self, model: &Model) -> Option<Fit> {
-        match model.discrepancy {
-            None => self.products.fit(&model.set),
-            Some((index, variance_ratio)) => {
-                let members = model.set.iter().map(|&member| &self.candidates[member]);
-                let indices: Vec<usize> = (0..model.set.len()).collect();
-                Design::new(members, &self.y, &self.rows())
-                    .with_discrepancy(&self.discrepancies[index])
-                    .products(variance_ratio, &self.products.subset(&model.set))
-                    .fit(&indices)
-            }
+        (self.regression()).fit(&model.set, self.discrepancy_of(model))
+    }
+
+    fn regression(&self) -> Regression<'_> {
+        Regression {
+            candidates: &self.candidates,
+            products: &self.products,
+            y: &self.y,
+            rows: self.rows(),
         }
+    }
+
+    fn discrepancy_of(&self, model: &Model) -> Option<(&Discrepancy, f64)> {
+        let (index, variance_ratio) = model.discrepancy?;
+        Some((&self.discrepancies[index], variance_ratio))
     }
 }

@@ -5,7 +5,51 @@ use nalgebra::DMatrix;
 use crate::candidate::Candidate;
 use crate::columns::{Rows, side_by_side};
 use crate::discrepancy::{Discrepancy, Projected};
-use crate::evidence::InnerProducts;
+use crate::evidence::{Fit, InnerProducts};
+use crate::linear::add_scaled;
+
+/// Candidates and the deviations that sets of them are fitted to.
+pub struct Regression<'a> {
+    /// All candidates.
+    pub candidates: &'a [Candidate],
+    /// Their inner products over the rows in use.
+    pub products: &'a InnerProducts,
+    /// Weighted deviations of all rows, m.
+    pub y: &'a [f64],
+    /// The rows in use.
+    pub rows: Rows,
+}
+
+impl Regression<'_> {
+    /// Fit of a set, alone or beside a discrepancy over the rows in use at a variance over that of the noise; `None` for a set that
+    /// cannot be solved.
+    pub fn fit(&self, set: &[usize], beside: Option<(&Discrepancy, f64)>) -> Option<Fit> {
+        let Some((discrepancy, variance_ratio)) = beside else {
+            return self.products.fit(set);
+        };
+        let members = set.iter().map(|&member| &self.candidates[member]);
+        let indices: Vec<usize> = (0..set.len()).collect();
+        Design::new(members, self.y, &self.rows)
+            .with_discrepancy(discrepancy)
+            .products(variance_ratio, &self.products.subset(set))
+            .fit(&indices)
+    }
+
+    /// Weighted deviations of all rows less what the effects of a set predict that is fitted like that, m.
+    pub fn residuals(
+        &self,
+        set: &[usize],
+        beside: Option<(&Discrepancy, f64)>,
+    ) -> Option<Vec<f64>> {
+        let fit = self.fit(set, beside)?;
+        let mut residuals = self.y.to_vec();
+        let columns = (set.iter()).flat_map(|&member| &self.candidates[member].block);
+        for (column, coefficient) in columns.zip(&fit.coefficients) {
+            add_scaled(&mut residuals, -coefficient, column);
+        }
+        Some(residuals)
+    }
+}
 
 /// Columns of some candidates and, as the last, the deviations, over the rows in use.
 pub struct Design(DMatrix<f64>);

@@ -13,16 +13,16 @@ use effects::{Variant, candidate, candidates};
 use inference::candidate::{Alias, Candidate};
 use inference::columns::{Columns, Rows, matrix_of};
 use inference::discrepancy::Discrepancy;
-use inference::evidence::{Fit, InnerProducts};
+use inference::evidence::InnerProducts;
 use inference::golden_section::golden_section;
-use inference::linear::{SPANNED, add_scaled, dot, orthonormal, project_out};
+use inference::linear::{SPANNED, dot, orthonormal, project_out};
 use inference::posterior::ModelPosterior;
 use inference::scan::{CrossProducts, MaskedColumn, ResidualProjection, Trials};
 use inference::search::{
     EvidenceCache, Priors, ScoredSet, default_beam_width, exchange_best, search,
 };
 use inference::trial::Trial;
-use inference::whitened::Design;
+use inference::whitened::Regression;
 use nalgebra::DMatrix;
 
 /// Rows on which shapes are scanned.
@@ -369,20 +369,6 @@ impl<'a> CandidatePool<'a> {
         }
     }
 
-    /// Fit of a set, alone or beside a discrepancy over the rows in use at a variance over that of the noise; `None` for a set that
-    /// cannot be solved.
-    fn fit(&self, set: &[usize], beside: Option<(&Discrepancy, f64)>) -> Option<Fit> {
-        let Some((discrepancy, power)) = beside else {
-            return self.products.fit(set);
-        };
-        let members = set.iter().map(|&member| &self.candidates[member]);
-        let indices: Vec<usize> = (0..set.len()).collect();
-        Design::new(members, self.y, &self.rows())
-            .with_discrepancy(discrepancy)
-            .products(power, &self.products.subset(set))
-            .fit(&indices)
-    }
-
     /// Weighted deviations of all rows less what the effects of a set predict that is fitted alone or beside a discrepancy, m; `None`
     /// for a set that cannot be solved.
     pub(super) fn residuals_of(
@@ -390,13 +376,13 @@ impl<'a> CandidatePool<'a> {
         set: &[usize],
         beside: Option<(&Discrepancy, f64)>,
     ) -> Option<Vec<f64>> {
-        let fit = self.fit(set, beside)?;
-        let mut residuals = self.y.to_vec();
-        let columns = (set.iter()).flat_map(|&member| &self.candidates[member].block);
-        for (column, coefficient) in columns.zip(&fit.coefficients) {
-            add_scaled(&mut residuals, -coefficient, column);
-        }
-        Some(residuals)
+        let regression = Regression {
+            candidates: &self.candidates,
+            products: &self.products,
+            y: self.y,
+            rows: self.rows(),
+        };
+        regression.residuals(set, beside)
     }
 
     pub(super) fn effect(&self, member: usize) -> &str {

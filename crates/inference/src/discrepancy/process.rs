@@ -290,11 +290,11 @@ impl Discrepancy {
         let Form::Smooth(lines, _) = &self.form else {
             return None;
         };
-        let (_, all) = leading(lines);
+        let most = (lines * lines.transpose()).symmetric_eigenvalues().max();
         let left = lines - (lines * basis) * basis.transpose();
         let (directions, powers) = leading(&left);
         let kept: Vec<usize> = (0..powers.len())
-            .filter(|&number| powers[number] > MIN_POWER * all.max())
+            .filter(|&number| powers[number] > MIN_POWER * most)
             .collect();
         let kept = directions.select_rows(&kept);
         (kept.nrows() > 0).then(|| Self::from_lines(self.kind.clone(), kept, self.log_prior))
