@@ -28,7 +28,7 @@ use inference::discrepancy::{Covariate, Discrepancy, Kind};
 use inference::evidence::InnerProducts;
 use inference::linear::{SPANNED, orthonormal, whitened};
 use inference::posterior::{Model, ModelPosterior};
-use inference::search::{MAX_EFFECTS, ScoredSet, exchange, extend, prune};
+use inference::search::{MAX_EFFECTS, ScoredSet, default_beam_width, exchange, extend, prune};
 use inference::whitened::Design;
 use nalgebra::DMatrix;
 
@@ -43,6 +43,8 @@ const AR1_NOISE: f64 = 0.05;
 const CORRELATIONS: [f64; 5] = [0.2, 0.4, 0.6, 0.75, 0.85];
 /// Correlated noise is tried where it is better than uncorrelated by so many standard deviations: a log likelihood ratio of half the square.
 const CHANCE: f64 = 2.5;
+/// Width of the search for the sets beside which shapes are scanned.
+const PRELIMINARY_BEAM: usize = 8;
 /// Rounds of shape scans beside the best sets.
 const SCANS: usize = 2;
 /// Rounds of forward selection beyond the depth of the beam search.
@@ -101,7 +103,7 @@ fn with_noise(
         Some(before) => pool.take_over(before),
         None => pool.scan(&[]),
     }
-    let mut scored = pool.search();
+    let mut scored = pool.search(PRELIMINARY_BEAM);
     for _ in 0..if before.is_some() { 1 } else { SCANS } {
         let mut contexts = best_of_each_size(&scored, 3);
         let before = pool.candidates.len();
@@ -115,8 +117,9 @@ fn with_noise(
         if pool.candidates.len() == before {
             break;
         }
-        scored = pool.search();
+        scored = pool.search(PRELIMINARY_BEAM);
     }
+    scored = pool.search(default_beam_width());
     extend_best(&mut pool, &mut scored);
     finish(pool, &scored)
 }

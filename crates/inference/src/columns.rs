@@ -79,16 +79,16 @@ impl Columns {
         let y = DVector::from_vec(self.rows.white(y));
         let mut qq = vec![0.0; count * count];
         let mut put = |first: usize, second: usize, block: &DMatrix<f64>| {
-            for (j, column) in block.column_iter().enumerate() {
-                for (i, &value) in column.iter().enumerate() {
-                    qq[(first + i) * count + second + j] = value;
-                    qq[(second + j) * count + first + i] = value;
-                }
+            for (line, column) in block.column_iter().enumerate() {
+                let at = (second + line) * count + first;
+                qq[at..at + column.len()].copy_from_slice(column.as_slice());
             }
         };
         put(0, 0, &self.gram);
         if down.ncols() > 0 {
-            put(0, base, &(&self.across * &down));
+            let crossed = &self.across * &down;
+            put(base, 0, &crossed.transpose());
+            put(0, base, &crossed);
             put(base, base, &(down.transpose() * &down));
         }
         let mut qy: Vec<f64> = (&self.across * &y).data.into();

@@ -4,107 +4,100 @@
 //! given the whole signal are those of the backward recursion (Kim 1994, J. Econometrics 60, 1–22, eq. 2.20). What a state
 //! means is left to the caller, who gives the log density of each datum in each state.
 
-/// A Markov chain of a few states.
+/// A Markov chain of `N` states.
 #[derive(Debug, Clone)]
-pub struct MarkovChain {
+pub struct MarkovChain<const N: usize> {
     /// Probability of each state before the first datum.
-    pub initial: Vec<f64>,
-    /// Probability of each state (column) after each state (row), row-major; rows sum to 1.
-    pub transitions: Vec<f64>,
+    pub initial: [f64; N],
+    /// Probability of each state (column) after each state (row); rows sum to 1.
+    pub transitions: [[f64; N]; N],
 }
 
 /// Densities of the data of a signal in each state.
 #[derive(Debug, Clone)]
-pub struct Densities {
-    /// A row for each datum: density in each state over the largest of them.
-    relative: Vec<f64>,
+pub struct Densities<const N: usize> {
+    /// Of each datum: density in each state over the largest of them.
+    relative: Vec<[f64; N]>,
     /// Logarithm of the product of the largest.
     log_scale: f64,
 }
 
-impl Densities {
-    /// From log densities, a row of `states` for each datum.
-    pub fn new(log_densities: &[f64], states: usize) -> Self {
-        let mut relative = Vec::with_capacity(log_densities.len());
+impl<const N: usize> Densities<N> {
+    /// From the log densities of each datum in each state.
+    pub fn new(log_densities: impl Iterator<Item = [f64; N]>) -> Self {
         let mut log_scale = 0.0;
-        for datum in log_densities.chunks_exact(states) {
+        let relative = log_densities.map(|datum| {
             let most = datum.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            log_scale += most;
             // An exponential is the most expensive part of it, and that of the largest is known.
-            let over_largest = |&density: &f64| {
+            datum.map(|density| {
                 if density == most {
                     1.0
                 } else {
                     (density - most).exp()
                 }
-            };
-            relative.extend(datum.iter().map(over_largest));
-            log_scale += most;
-        }
+            })
+        });
         Self {
-            relative,
+            relative: relative.collect(),
             log_scale,
         }
     }
 
-    /// Number of rows.
-    pub fn count(&self, states: usize) -> usize {
-        self.relative.len() / states
+    /// Number of data.
+    pub fn count(&self) -> usize {
+        self.relative.len()
     }
 }
 
 /// What a signal tells about the states of a chain.
 #[derive(Debug, Clone)]
-pub struct Smoothed {
+pub struct Smoothed<const N: usize> {
     /// Natural logarithm of the likelihood of the signal, all sequences of states summed.
     pub log_likelihood: f64,
-    /// Probability of each state at each datum given all data, a row for each datum.
-    pub probabilities: Vec<f64>,
+    /// Probability of each state at each datum given all data.
+    pub probabilities: Vec<[f64; N]>,
     /// Expected number of changes from each state (row) to each state (column).
-    pub changes: Vec<f64>,
+    pub changes: [[f64; N]; N],
 }
 
-impl MarkovChain {
-    /// Number of states.
-    pub fn states(&self) -> usize {
-        self.initial.len()
-    }
-
+impl MarkovChain<2> {
     /// A chain of two states that leaves the first and the second with these probabilities, in its steady state.
     pub fn of_two(leaves: [f64; 2]) -> Self {
         let sum = (leaves[0] + leaves[1]).max(f64::MIN_POSITIVE);
         Self {
-            initial: vec![leaves[1] / sum, leaves[0] / sum],
-            transitions: vec![1.0 - leaves[0], leaves[0], leaves[1], 1.0 - leaves[1]],
+            initial: [leaves[1] / sum, leaves[0] / sum],
+            transitions: [[1.0 - leaves[0], leaves[0]], [leaves[1], 1.0 - leaves[1]]],
         }
     }
+}
 
+impl<const N: usize> MarkovChain<N> {
     /// Likelihood and probabilities of the states.
-    pub fn smoothed(&self, densities: &Densities) -> Smoothed {
-        let n = self.states();
-        let count = densities.count(n);
-        let mut predicted = Vec::with_capacity(count * n);
-        let mut filtered = Vec::with_capacity(count * n);
+    pub fn smoothed(&self, densities: &Densities<N>) -> Smoothed<N> {
+        let count = densities.count();
+        let mut predicted = Vec::with_capacity(count);
+        let mut filtered = Vec::with_capacity(count);
         let log_likelihood = self.filter(densities, |before, after| {
-            predicted.extend_from_slice(before);
-            filtered.extend_from_slice(after);
+            predicted.push(*before);
+            filtered.push(*after);
         });
         let mut probabilities = filtered.clone();
-        let mut changes = vec![0.0; n * n];
+        let mut changes = [[0.0; N]; N];
         for datum in (1..count).rev() {
-            let (before, after) = probabilities.split_at_mut(datum * n);
-            let ratio = &mut predicted[datum * n..(datum + 1) * n];
-            for (ratio, after) in ratio.iter_mut().zip(&after[..n]) {
+            let mut ratio = predicted[datum];
+            for (ratio, after) in ratio.iter_mut().zip(&probabilities[datum]) {
                 *ratio = if *ratio > 0.0 { after / *ratio } else { 0.0 };
             }
-            for from in 0..n {
-                let own = filtered[(datum - 1) * n + from];
+            for from in 0..N {
+                let own = filtered[datum - 1][from];
                 let mut sum = 0.0;
                 for (to, ratio) in ratio.iter().enumerate() {
-                    let joint = own * self.transitions[from * n + to] * ratio;
-                    changes[from * n + to] += joint;
+                    let joint = own * self.transitions[from][to] * ratio;
+                    changes[from][to] += joint;
                     sum += joint;
                 }
-                before[(datum - 1) * n + from] = sum;
+                probabilities[datum - 1][from] = sum;
             }
         }
         Smoothed {
@@ -115,19 +108,18 @@ impl MarkovChain {
     }
 
     /// Log likelihood alone.
-    pub fn log_likelihood(&self, densities: &Densities) -> f64 {
+    pub fn log_likelihood(&self, densities: &Densities<N>) -> f64 {
         self.filter(densities, |_, _| {})
     }
 
     /// The log likelihood; `visit` is given the probabilities of the states before and after each datum.
-    fn filter(&self, densities: &Densities, mut visit: impl FnMut(&[f64], &[f64])) -> f64 {
-        let n = self.states();
+    fn filter(&self, densities: &Densities<N>, mut visit: impl FnMut(&[f64; N], &[f64; N])) -> f64 {
         let mut log_likelihood = densities.log_scale;
         // One logarithm for many data, as long as their product keeps its precision.
         let mut product = 1.0_f64;
-        let mut before = self.initial.clone();
-        let mut after = vec![0.0; n];
-        for datum in densities.relative.chunks_exact(n) {
+        let mut before = self.initial;
+        for datum in &densities.relative {
+            let mut after = [0.0; N];
             let mut sum = 0.0;
             for ((after, before), density) in after.iter_mut().zip(&before).zip(datum) {
                 *after = before * density;
@@ -143,11 +135,11 @@ impl MarkovChain {
                 product = 1.0;
             }
             visit(&before, &after);
-            for (to, before) in before.iter_mut().enumerate() {
-                let from = after.iter().enumerate();
-                *before = from
-                    .map(|(from, after)| after * self.transitions[from * n + to])
-                    .sum();
+            before = [0.0; N];
+            for (after, transitions) in after.iter().zip(&self.transitions) {
+                for (before, transition) in before.iter_mut().zip(transitions) {
+                    *before += after * transition;
+                }
             }
         }
         log_likelihood + product.ln()
@@ -316,42 +308,38 @@ mod tests {
             }
         };
         let steady = MarkovChain::of_two([1.0 - stays[0], recovers]).initial;
-        let mut transitions = vec![0.0; 32 * 32];
-        for from in 0..32 {
+        let mut transitions = [[0.0; 32]; 32];
+        for (from, transitions) in transitions.iter_mut().enumerate() {
             for latest in 0..2 {
-                let to = (from << 1 & 31) | latest;
-                transitions[from * 32 + to] = change(regime(from, 0), latest);
+                transitions[(from << 1 & 31) | latest] = change(regime(from, 0), latest);
             }
         }
-        let initial = (0..32).map(|state| {
+        let initial = std::array::from_fn(|state| {
             let chain = (0..4).map(|lag| change(regime(state, lag + 1), regime(state, lag)));
             steady[regime(state, 4)] * chain.product::<f64>()
         });
-        let chain = MarkovChain {
-            initial: initial.collect(),
+        let chain = MarkovChain::<32> {
+            initial,
             transitions,
         };
-        let mut densities = Vec::new();
-        for quarter in 4..GROWTH.len() {
-            for state in 0..32 {
+        let densities = (4..GROWTH.len()).map(|quarter| {
+            std::array::from_fn(|state| {
                 let apart = |lag: usize| GROWTH[quarter - lag] - means[regime(state, lag)];
                 let expected: f64 = (lags.iter().enumerate())
                     .map(|(lag, weight)| weight * apart(lag + 1))
                     .sum();
                 let error = apart(0) - expected;
-                densities.push(
-                    -0.5 * (error * error / variance + (std::f64::consts::TAU * variance).ln()),
-                );
-            }
-        }
-        let found = chain.smoothed(&Densities::new(&densities, 32));
+                -0.5 * (error * error / variance + (std::f64::consts::TAU * variance).ln())
+            })
+        });
+        let found = chain.smoothed(&Densities::new(densities));
         assert!(
             (found.log_likelihood + 181.263_39).abs() < 1e-4,
             "{}",
             found.log_likelihood
         );
         // Growth in the last quarter, as EViews smooths it: 0.927714.
-        let last = &found.probabilities[found.probabilities.len() - 32..];
+        let last = found.probabilities.last().expect("quarters");
         let growth: f64 = (0..32)
             .filter(|&state| regime(state, 0) == 1)
             .map(|state| last[state])
@@ -366,16 +354,14 @@ mod tests {
         let values = [0.3_f64, 1.9, 2.2, -0.4, 0.1, 2.6, 1.2, -0.9, 0.8];
         let density =
             |datum: usize, state: usize| -0.5 * (values[datum] - 2.0 * state as f64).powi(2);
-        let all: Vec<f64> = (0..values.len())
-            .flat_map(|datum| [density(datum, 0), density(datum, 1)])
-            .collect();
-        let found = chain.smoothed(&Densities::new(&all, 2));
+        let all = (0..values.len()).map(|datum| [density(datum, 0), density(datum, 1)]);
+        let found = chain.smoothed(&Densities::new(all));
         let (mut total, mut other, mut left) = (0.0, vec![0.0; values.len()], 0.0);
         for sequence in 0..1_usize << values.len() {
             let state = |datum: usize| sequence >> datum & 1;
             let mut probability = chain.initial[state(0)] * density(0, state(0)).exp();
             for datum in 1..values.len() {
-                probability *= chain.transitions[2 * state(datum - 1) + state(datum)]
+                probability *= chain.transitions[state(datum - 1)][state(datum)]
                     * density(datum, state(datum)).exp();
             }
             total += probability;
@@ -388,8 +374,8 @@ mod tests {
         }
         assert!((found.log_likelihood - f64::ln(total)).abs() < 1e-12);
         for (datum, other) in other.iter().enumerate() {
-            assert!((found.probabilities[2 * datum + 1] - other / total).abs() < 1e-12);
+            assert!((found.probabilities[datum][1] - other / total).abs() < 1e-12);
         }
-        assert!((found.changes[1] - left / total).abs() < 1e-12);
+        assert!((found.changes[0][1] - left / total).abs() < 1e-12);
     }
 }

@@ -19,6 +19,8 @@ const MOST: f64 = 0.12;
 const OUTLIER: f64 = 0.005;
 /// Width of the uniform distribution of outliers, m: half a millimetre.
 const WIDTH: f64 = 5e-4;
+/// Lines of a triangular matrix that are multiplied at once.
+const LINES: usize = 128;
 
 /// Log evidence that a number of outliers adds to that of the other touches.
 pub fn log_evidence(outliers: usize) -> f64 {
@@ -105,6 +107,21 @@ impl<'a> Ridge<'a> {
         (0..self.used.len()).filter(|&row| self.used[row])
     }
 
+    /// Squared lengths of the rows, each multiplied by a lower triangular matrix.
+    fn leverages(&self, triangle: &DMatrix<f64>) -> Vec<f64> {
+        let n = triangle.nrows();
+        let mut leverages = vec![0.0; self.y.len()];
+        for first in (0..n).step_by(LINES) {
+            // Nothing of the triangle stands right of its diagonal.
+            let last = (first + LINES).min(n);
+            let white = triangle.view((first, 0), (last - first, last)) * self.rows.rows(0, last);
+            for (leverage, white) in leverages.iter_mut().zip(white.column_iter()) {
+                *leverage += white.norm_squared();
+            }
+        }
+        leverages
+    }
+
     /// Absolute leave-one-out residuals of the rows in use over their robust standard deviation, at the strength of the ridge
     /// that maximises the evidence.
     fn standardised_residuals(&self) -> Option<Vec<(usize, f64)>> {
@@ -134,11 +151,10 @@ impl<'a> Ridge<'a> {
         for mut column in inverse.column_iter_mut() {
             forward(&factor, n, column.as_mut_slice());
         }
-        // Their squared lengths are the leverages.
-        let white = inverse * &self.rows;
+        let leverages = self.leverages(&inverse);
         let residual = |row: usize| {
             let predicted = dot(self.values(row), &mean);
-            let free = (1.0 - white.column(row).norm_squared()).max(1e-3).sqrt();
+            let free = (1.0 - leverages[row]).max(1e-3).sqrt();
             (row, ((self.y[row] - predicted) / free).abs())
         };
         let mut residuals: Vec<(usize, f64)> = self.in_use().map(residual).collect();

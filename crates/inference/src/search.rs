@@ -28,7 +28,7 @@ const EXCHANGED: usize = 2;
 /// Exchanges of a set, at most.
 const EXCHANGES: usize = 12;
 /// A level whose best log posterior is this far behind the best of all ends the search.
-const HOPELESS: f64 = 25.0;
+const HOPELESS: f64 = 16.0;
 
 /// A set of candidates and its log posterior (not normalised).
 #[derive(Debug, Clone)]

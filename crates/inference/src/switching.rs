@@ -44,7 +44,7 @@ pub fn two_states(
     start: &[f64],
     worth: f64,
 ) -> Option<TwoStates> {
-    let signal = Signal { values, loadings };
+    let signal = Signal::new(values, loadings);
     let mut leaves = [0.2; 2];
     let mut best = f64::NEG_INFINITY;
     let mut densities = signal.densities(start)?;
@@ -59,8 +59,8 @@ pub fn two_states(
         }
         best = log_likelihood;
         for (state, leaves) in leaves.iter_mut().enumerate() {
-            let all = changes[2 * state] + changes[2 * state + 1];
-            *leaves = (changes[2 * state + 1 - state] + 1.0) / (all + 2.0);
+            let all: f64 = changes[state].iter().sum();
+            *leaves = (changes[state][1 - state] + 1.0) / (all + 2.0);
         }
         densities = signal.densities(&of_second(&probabilities))?;
     }
@@ -80,8 +80,8 @@ pub fn two_states(
 }
 
 /// Probabilities of the second state and the log likelihood, averaged over all chains that are tried.
-fn over_all_chains(densities: &Densities) -> (Vec<f64>, f64) {
-    let mut chains: Vec<(MarkovChain, f64)> = Vec::with_capacity(LEAVES.len() * LEAVES.len());
+fn over_all_chains(densities: &Densities<2>) -> (Vec<f64>, f64) {
+    let mut chains: Vec<(MarkovChain<2>, f64)> = Vec::with_capacity(LEAVES.len() * LEAVES.len());
     for first in LEAVES {
         for second in LEAVES {
             let chain = MarkovChain::of_two([first, second]);
@@ -91,7 +91,7 @@ fn over_all_chains(densities: &Densities) -> (Vec<f64>, f64) {
     }
     let most = (chains.iter()).fold(f64::NEG_INFINITY, |most, (_, own)| most.max(*own));
     let total: f64 = chains.iter().map(|(_, own)| (own - most).exp()).sum();
-    let mut mean = vec![0.0; densities.count(2)];
+    let mut mean = vec![0.0; densities.count()];
     let mut counted = 0.0;
     for (chain, log_likelihood) in &chains {
         let weight = (log_likelihood - most).exp() / total;
@@ -112,36 +112,59 @@ fn over_all_chains(densities: &Densities) -> (Vec<f64>, f64) {
 
 /// Log probability of a sequence of states, averaged over all chains that are tried.
 fn log_probability(second: &[bool]) -> f64 {
-    let certain: Vec<f64> = (second.iter())
-        .flat_map(|&second| {
-            let known = [0.0, f64::NEG_INFINITY];
-            if second { [known[1], known[0]] } else { known }
-        })
-        .collect();
-    over_all_chains(&Densities::new(&certain, 2)).1
+    let certain = second.iter().map(|&second| {
+        if second {
+            [f64::NEG_INFINITY, 0.0]
+        } else {
+            [0.0, f64::NEG_INFINITY]
+        }
+    });
+    over_all_chains(&Densities::new(certain)).1
 }
 
-fn of_second(probabilities: &[f64]) -> Vec<f64> {
-    probabilities.chunks_exact(2).map(|both| both[1]).collect()
+fn of_second(probabilities: &[[f64; 2]]) -> Vec<f64> {
+    probabilities.iter().map(|both| both[1]).collect()
 }
 
 struct Signal<'a> {
     values: &'a [f64],
     loadings: &'a [Vec<f64>],
+    /// Of each datum, the products of each loading with those up to itself and with the value: an entry of the normal equations each.
+    products: Vec<Vec<f64>>,
+    /// Their sums, the normal equations of a signal of one state.
+    of_one: Vec<f64>,
 }
 
-impl Signal<'_> {
+impl<'a> Signal<'a> {
+    fn new(values: &'a [f64], loadings: &'a [Vec<f64>]) -> Self {
+        let with = |(index, one): (usize, &'a Vec<f64>)| {
+            let others = loadings[..=index].iter().map(Vec::as_slice);
+            others.chain([values]).map(move |other| {
+                one.iter()
+                    .zip(other)
+                    .map(|(one, other)| one * other)
+                    .collect()
+            })
+        };
+        let products: Vec<Vec<f64>> = loadings.iter().enumerate().flat_map(with).collect();
+        Self {
+            values,
+            loadings,
+            of_one: products
+                .iter()
+                .map(|product| product.iter().sum())
+                .collect(),
+            products,
+        }
+    }
+
     /// Log densities of the data in both states, at the levels and the noise that are most likely for these probabilities.
-    fn densities(&self, second: &[f64]) -> Option<Densities> {
-        let levels = [
-            self.level(
-                &second
-                    .iter()
-                    .map(|second| 1.0 - second)
-                    .collect::<Vec<f64>>(),
-            )?,
-            self.level(second)?,
-        ];
+    fn densities(&self, second: &[f64]) -> Option<Densities<2>> {
+        let of_second: Vec<f64> = self.products.iter().map(|own| dot(own, second)).collect();
+        let of_first: Vec<f64> = (self.of_one.iter().zip(&of_second))
+            .map(|(all, second)| all - second)
+            .collect();
+        let levels = [self.level(&of_first)?, self.level(&of_second)?];
         let errors: Vec<[f64; 2]> = (0..self.values.len())
             .map(|datum| [0, 1].map(|state| self.values[datum] - self.shown(&levels[state], datum)))
             .collect();
@@ -153,24 +176,19 @@ impl Signal<'_> {
         let variance = power / self.values.len() as f64 + RESOLUTION * RESOLUTION;
         let constant = (std::f64::consts::TAU * variance).ln();
         let density = |error: f64| -0.5 * (error * error / variance + constant);
-        let log_densities: Vec<f64> = errors.iter().flatten().map(|&own| density(own)).collect();
-        Some(Densities::new(&log_densities, 2))
+        Some(Densities::new(errors.iter().map(|both| both.map(density))))
     }
 
-    /// Weighted least squares of one level.
-    fn level(&self, weights: &[f64]) -> Option<Vec<f64>> {
+    /// Weighted least squares of one level from the weighted sums of the products.
+    fn level(&self, sums: &[f64]) -> Option<Vec<f64>> {
         let n = self.loadings.len();
         let mut normal = vec![0.0; n * n];
         let mut right = vec![0.0; n];
-        for (i, one) in self.loadings.iter().enumerate() {
-            let weighted: Vec<f64> = (one.iter().zip(weights))
-                .map(|(one, weight)| one * weight)
-                .collect();
-            for (k, other) in self.loadings.iter().enumerate() {
-                normal[i * n + k] = dot(&weighted, other);
-            }
-            normal[i * n + i] += RIDGE * dot(one, one);
-            right[i] = dot(&weighted, self.values);
+        for i in 0..n {
+            let first = i * (i + 3) / 2;
+            normal[i * n..=i * n + i].copy_from_slice(&sums[first..=first + i]);
+            normal[i * n + i] += RIDGE * self.of_one[first + i];
+            right[i] = sums[first + i + 1];
         }
         cholesky(&mut normal, n)?;
         solve_cholesky(&normal, n, &mut right);
@@ -184,7 +202,7 @@ impl Signal<'_> {
 
     /// Largest log likelihood of a signal of one state.
     fn log_likelihood_of_one_state(&self) -> Option<f64> {
-        let level = self.level(&vec![1.0; self.values.len()])?;
+        let level = self.level(&self.of_one)?;
         let error = |datum: usize| self.values[datum] - self.shown(&level, datum);
         let power: f64 = (0..self.values.len())
             .map(|datum| error(datum).powi(2))

@@ -18,9 +18,7 @@ use inference::golden_section::golden_section;
 use inference::linear::{SPANNED, dot, orthonormal, project_out};
 use inference::posterior::ModelPosterior;
 use inference::scan::{CrossProducts, MaskedColumn, ResidualProjection, Trials};
-use inference::search::{
-    EvidenceCache, Priors, ScoredSet, default_beam_width, exchange_best, search,
-};
+use inference::search::{EvidenceCache, Priors, ScoredSet, exchange_best, search};
 use inference::trial::Trial;
 use inference::whitened::Regression;
 use nalgebra::DMatrix;
@@ -425,15 +423,11 @@ impl<'a> CandidatePool<'a> {
         }
     }
 
-    pub(crate) fn search(&mut self) -> Vec<ScoredSet> {
+    /// A search of this width over all candidates there are by now.
+    pub(crate) fn search(&mut self, beam: usize) -> Vec<ScoredSet> {
         self.refresh();
         let priors = self.priors();
-        let mut scored = search(
-            &self.products,
-            &priors,
-            default_beam_width(),
-            &mut self.evidence,
-        );
+        let mut scored = search(&self.products, &priors, beam, &mut self.evidence);
         exchange_best(&self.products, &priors, &mut scored);
         scored
     }

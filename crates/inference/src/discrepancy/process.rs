@@ -1,7 +1,6 @@
 //! A Gaussian-process discrepancy over the rows of a session, and the part of columns that it explains.
 //!
-//! A smooth process is a low-rank kernel MᵀM whose factor is rotated so that MMᵀ is tridiagonal ([`super::tridiagonal`]);
-//! scatter is a diagonal kernel, an independent variance for each row (Rasmussen and Williams 2006, 2.7 and 8.3). Variances
+//! A smooth process is a low-rank kernel MᵀM with MMᵀ = QTQᵀ, where T is tridiagonal ([`super::tridiagonal`]); scatter is a diagonal kernel, an independent variance for each row (Rasmussen and Williams 2006, 2.7 and 8.3). Variances
 //! are relative to that of the noise. Kernels are over deviations in m.
 
 use nalgebra::{DMatrix, DVector};
@@ -31,10 +30,21 @@ pub struct Discrepancy {
 /// The kernel over the weighted active rows, for unit variance.
 #[derive(Debug, Clone)]
 enum Form {
-    /// MᵀM: M with a row for each direction, and MMᵀ.
-    Smooth(DMatrix<f64>, Tridiagonal),
+    /// MᵀM.
+    Smooth(Factor),
     /// A diagonal kernel: these variances, independent from row to row.
     Scatter(Vec<f64>),
+}
+
+/// The factor of a kernel MᵀM.
+#[derive(Debug, Clone)]
+struct Factor {
+    /// M, with a row for each direction.
+    lines: DMatrix<f64>,
+    /// Q of MMᵀ = QTQᵀ.
+    rotation: DMatrix<f64>,
+    /// T.
+    products: Tridiagonal,
 }
 
 /// Principal directions of the span of the rows of a matrix, again a row for each, with their powers.
@@ -139,13 +149,17 @@ impl Discrepancy {
     fn from_lines(kind: Kind, across: DMatrix<f64>, log_prior: f64) -> Self {
         let products = &across * across.transpose();
         let (rotation, diagonal, off_diagonal) = products.symmetric_tridiagonalize().unpack();
-        let lines = Tridiagonal {
-            diagonal: diagonal.data.into(),
-            off_diagonal: off_diagonal.data.into(),
+        let factor = Factor {
+            lines: across,
+            rotation,
+            products: Tridiagonal {
+                diagonal: diagonal.data.into(),
+                off_diagonal: off_diagonal.data.into(),
+            },
         };
         Self {
             kind,
-            form: Form::Smooth(rotation.transpose() * across, lines),
+            form: Form::Smooth(factor),
             log_prior,
         }
     }
@@ -153,9 +167,9 @@ impl Discrepancy {
     /// Restricts the process to a subset of its rows.
     pub fn restricted_to(&self, kept: &[usize]) -> Self {
         match &self.form {
-            Form::Smooth(lines, _) => Self::from_lines(
+            Form::Smooth(factor) => Self::from_lines(
                 self.kind.clone(),
-                lines.select_columns(kept),
+                factor.lines.select_columns(kept),
                 self.log_prior,
             ),
             Form::Scatter(variances) => Self {
@@ -170,8 +184,8 @@ impl Discrepancy {
     /// Larger scatter is that of the innovations.
     pub fn whitened_for(&self, rows: &Rows) -> Self {
         match &self.form {
-            Form::Smooth(lines, _) => {
-                let mut down = lines.transpose();
+            Form::Smooth(factor) => {
+                let mut down = factor.lines.transpose();
                 let correlated = rows.correlated();
                 for mut column in down.column_iter_mut() {
                     whiten(
@@ -188,15 +202,14 @@ impl Discrepancy {
     /// Number of rows.
     pub fn rows(&self) -> usize {
         match &self.form {
-            Form::Smooth(lines, _) => lines.ncols(),
+            Form::Smooth(factor) => factor.lines.ncols(),
             Form::Scatter(variances) => variances.len(),
         }
     }
 
     /// True for two smooth processes that depend on the same and whose kernels are proportional but for the share [`ALIKE`].
     pub fn is_alike(&self, other: &Self) -> bool {
-        let (Form::Smooth(own, products), Form::Smooth(lines, others)) = (&self.form, &other.form)
-        else {
+        let (Form::Smooth(own), Form::Smooth(others)) = (&self.form, &other.form) else {
             return false;
         };
         let power = |of: &Tridiagonal| -> f64 {
@@ -204,14 +217,14 @@ impl Discrepancy {
             squares(&of.diagonal) + 2.0 * squares(&of.off_diagonal)
         };
         self.kind == other.kind
-            && (own * lines.transpose()).norm_squared()
-                > (1.0 - ALIKE) * (power(products) * power(others)).sqrt()
+            && (&own.lines * others.lines.transpose()).norm_squared()
+                > (1.0 - ALIKE) * (power(&own.products) * power(&others.products)).sqrt()
     }
 
     /// Trace of the kernel.
     pub fn trace(&self) -> f64 {
         match &self.form {
-            Form::Smooth(_, lines) => lines.diagonal.iter().sum(),
+            Form::Smooth(factor) => factor.products.diagonal.iter().sum(),
             Form::Scatter(variances) => variances.iter().sum(),
         }
     }
@@ -219,7 +232,7 @@ impl Discrepancy {
     /// Effective degrees of freedom at a variance ratio p: the trace of p·K·(I + p·K)⁻¹.
     pub fn effective_dof(&self, variance_ratio: f64) -> f64 {
         match &self.form {
-            Form::Smooth(_, lines) => lines
+            Form::Smooth(factor) => (factor.products)
                 .factorise(variance_ratio)
                 .effective_dof(variance_ratio),
             Form::Scatter(variances) => variances
@@ -232,12 +245,12 @@ impl Discrepancy {
     /// Posterior mean of the process given values over the rows, at this variance ratio.
     pub fn posterior_mean(&self, variance_ratio: f64, values: &[f64]) -> Vec<f64> {
         match &self.form {
-            Form::Smooth(lines, products) => {
-                let mut along = lines * DVector::from_column_slice(values);
-                products
-                    .factorise(variance_ratio)
-                    .solve(along.as_mut_slice());
-                lines.tr_mul(&along).data.into()
+            Form::Smooth(factor) => {
+                let along = &factor.lines * DVector::from_column_slice(values);
+                let mut along = factor.rotation.tr_mul(&along);
+                (factor.products.factorise(variance_ratio)).solve(along.as_mut_slice());
+                let solved = &factor.rotation * along;
+                factor.lines.tr_mul(&solved).data.into()
             }
             Form::Scatter(variances) => (variances.iter().zip(values))
                 .map(|(variance, value)| share(variance_ratio * variance) * value)
@@ -260,16 +273,17 @@ impl Discrepancy {
     /// Projects columns over the same rows onto the basis of the process.
     pub fn project<'a>(&'a self, columns: &'a DMatrix<f64>) -> Projected<'a> {
         match &self.form {
-            Form::Smooth(lines, products) => {
-                Projected::Smooth((lines * columns).transpose(), products)
-            }
+            Form::Smooth(factor) => Projected::Smooth(
+                (&factor.lines * columns).transpose() * &factor.rotation,
+                &factor.products,
+            ),
             Form::Scatter(variances) => Projected::Scatter(columns, variances),
         }
     }
 
     /// The rows of M: columns over the session's rows whose outer products sum to the kernel; `None` for scatter.
     pub fn columns(&self) -> Option<Vec<Vec<f64>>> {
-        let Form::Smooth(lines, _) = &self.form else {
+        let Form::Smooth(Factor { lines, .. }) = &self.form else {
             return None;
         };
         let line = |line: nalgebra::RowDVector<f64>| line.data.into();
@@ -279,7 +293,7 @@ impl Discrepancy {
     /// Share of the kernel's trace that an orthonormal basis, the columns of a matrix over the active rows, leaves; `None` for
     /// scatter.
     pub fn share_beside(&self, basis: &DMatrix<f64>) -> Option<f64> {
-        let Form::Smooth(lines, _) = &self.form else {
+        let Form::Smooth(Factor { lines, .. }) = &self.form else {
             return None;
         };
         Some(1.0 - (lines * basis).norm_squared() / self.trace())
@@ -287,7 +301,7 @@ impl Discrepancy {
 
     /// The process orthogonal to an orthonormal basis, the columns of a matrix over the active rows; `None` where nothing remains.
     pub fn orthogonal_to(&self, basis: &DMatrix<f64>) -> Option<Self> {
-        let Form::Smooth(lines, _) = &self.form else {
+        let Form::Smooth(Factor { lines, .. }) = &self.form else {
             return None;
         };
         let most = (lines * lines.transpose()).symmetric_eigenvalues().max();
