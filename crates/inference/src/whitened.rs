@@ -1,6 +1,6 @@
 //! Inner products of candidates whitened for a discrepancy process.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::candidate::Candidate;
 use crate::columns::{Rows, side_by_side};
@@ -64,6 +64,20 @@ impl Design {
         let y = [y.to_vec()];
         let blocks = candidates.map(|candidate| candidate.block.as_slice());
         Self(side_by_side(rows, blocks.chain([y.as_slice()]), 0).0)
+    }
+
+    /// Number of rows in use.
+    pub fn rows(&self) -> usize {
+        self.0.nrows()
+    }
+
+    /// The deviations less these columns, each times its coefficient, over the rows in use, m.
+    pub fn residuals(&self, terms: impl Iterator<Item = (usize, f64)>) -> DVector<f64> {
+        let mut residuals = self.0.column(self.0.ncols() - 1).into_owned();
+        for (column, coefficient) in terms {
+            residuals.axpy(-coefficient, &self.0.column(column), 1.0);
+        }
+        residuals
     }
 
     /// The same columns, whitened for a discrepancy over the same rows, itself whitened for their noise.

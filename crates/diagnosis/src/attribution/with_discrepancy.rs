@@ -14,6 +14,7 @@ use inference::evidence::InnerProducts;
 use inference::posterior::Model;
 use inference::search::{EvidenceCache, Priors, ScoredSet, exchange_best, search};
 use inference::whitened::Design;
+use nalgebra::DMatrix;
 
 use super::candidate_pool::CandidatePool;
 use super::without_each;
@@ -234,7 +235,8 @@ impl<'a> Scorer<'a> {
         priors
     }
 
-    /// Discrepancies worth a closer look, best first: the best set of each size with the sizes that it has without.
+    /// Discrepancies worth a closer look, best first: the best set of each size with the sizes that it has without. Where there is a `best`
+    /// log posterior so far, those whose score is positive in the residuals of none of these sets are left out.
     fn screen(&self, scored: &[ScoredSet], best: f64) -> Vec<Screened> {
         let mut sets: Vec<Vec<usize>> = Vec::new();
         for scored in scored {
@@ -249,8 +251,16 @@ impl<'a> Scorer<'a> {
         let sets: Vec<(&FittedSet, f64)> = (subset.sets.iter())
             .map(|fitted| (fitted, self.priors.log_prior_of(&fitted.set)))
             .collect();
+        let residuals = subset.standardised_residuals();
+        let shows = |discrepancy: &Discrepancy| {
+            let mut scores = discrepancy.scores(&residuals).into_iter();
+            best == f64::NEG_INFINITY || scores.any(|score| score > 0.0)
+        };
         let mut screened: Vec<Screened> = Vec::new();
         for (index, discrepancy) in self.discrepancies.iter().enumerate() {
+            if !shows(discrepancy) {
+                continue;
+            }
             let whitened = subset.design.with_discrepancy(discrepancy);
             let powers = powers(discrepancy);
             let (log_posterior, power) = climb(powers.len(), |power| {
@@ -378,6 +388,7 @@ impl CandidateSubset {
                 indices,
                 sizes: sizes.map(|size| size * fit.variance).collect(),
                 variance: fit.variance,
+                coefficients: fit.coefficients,
             })
         };
         Self {
@@ -385,6 +396,18 @@ impl CandidateSubset {
             sets: sets.into_iter().filter_map(fitted).collect(),
             plain,
         }
+    }
+
+    /// What each set leaves over the rows in use, a column for each, over the standard deviation of the noise.
+    fn standardised_residuals(&self) -> DMatrix<f64> {
+        let mut standardised = DMatrix::zeros(self.design.rows(), self.sets.len());
+        for (mut column, fitted) in standardised.column_iter_mut().zip(&self.sets) {
+            let spans = fitted.indices.iter().map(|&index| self.plain.spans[index]);
+            let columns = spans.flat_map(|(first, width)| first..first + width);
+            let terms = columns.zip(fitted.coefficients.iter().copied());
+            column.copy_from(&(self.design.residuals(terms) / fitted.variance.sqrt()));
+        }
+        standardised
     }
 }
 
@@ -397,6 +420,8 @@ struct FittedSet {
     sizes: Vec<f64>,
     /// Variance of the noise, m².
     variance: f64,
+    /// Coefficients of its columns, m.
+    coefficients: Vec<f64>,
 }
 
 impl FittedSet {

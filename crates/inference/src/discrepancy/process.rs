@@ -3,6 +3,8 @@
 //! A smooth process is a low-rank kernel MᵀM with MMᵀ = QTQᵀ, where T is tridiagonal ([`super::tridiagonal`]); scatter is a diagonal kernel, an independent variance for each row (Rasmussen and Williams 2006, 2.7 and 8.3). Variances
 //! are relative to that of the noise. Kernels are over deviations in m.
 
+use std::cell::OnceCell;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::kind::Kind;
@@ -41,10 +43,40 @@ enum Form {
 struct Factor {
     /// M, with a row for each direction.
     lines: DMatrix<f64>,
-    /// Q of MMᵀ = QTQᵀ.
+    /// Made when it is first asked for.
+    rotated: OnceCell<Rotated>,
+}
+
+/// MMᵀ = QTQᵀ.
+#[derive(Debug, Clone)]
+struct Rotated {
+    /// Q.
     rotation: DMatrix<f64>,
     /// T.
     products: Tridiagonal,
+}
+
+impl Factor {
+    fn new(lines: DMatrix<f64>) -> Self {
+        Self {
+            lines,
+            rotated: OnceCell::new(),
+        }
+    }
+
+    fn rotated(&self) -> &Rotated {
+        self.rotated.get_or_init(|| {
+            let products = &self.lines * self.lines.transpose();
+            let (rotation, diagonal, off_diagonal) = products.symmetric_tridiagonalize().unpack();
+            Rotated {
+                rotation,
+                products: Tridiagonal {
+                    diagonal: diagonal.data.into(),
+                    off_diagonal: off_diagonal.data.into(),
+                },
+            }
+        })
+    }
 }
 
 /// Principal directions of the span of the rows of a matrix, again a row for each, with their powers.
@@ -147,19 +179,9 @@ impl Discrepancy {
 
     /// The process of columns that are the rows of a matrix, at least one.
     fn from_lines(kind: Kind, across: DMatrix<f64>, log_prior: f64) -> Self {
-        let products = &across * across.transpose();
-        let (rotation, diagonal, off_diagonal) = products.symmetric_tridiagonalize().unpack();
-        let factor = Factor {
-            lines: across,
-            rotation,
-            products: Tridiagonal {
-                diagonal: diagonal.data.into(),
-                off_diagonal: off_diagonal.data.into(),
-            },
-        };
         Self {
             kind,
-            form: Form::Smooth(factor),
+            form: Form::Smooth(Factor::new(across)),
             log_prior,
         }
     }
@@ -218,13 +240,14 @@ impl Discrepancy {
         };
         self.kind == other.kind
             && (&own.lines * others.lines.transpose()).norm_squared()
-                > (1.0 - ALIKE) * (power(&own.products) * power(&others.products)).sqrt()
+                > (1.0 - ALIKE)
+                    * (power(&own.rotated().products) * power(&others.rotated().products)).sqrt()
     }
 
     /// Trace of the kernel.
     pub fn trace(&self) -> f64 {
         match &self.form {
-            Form::Smooth(factor) => factor.products.diagonal.iter().sum(),
+            Form::Smooth(factor) => factor.lines.norm_squared(),
             Form::Scatter(variances) => variances.iter().sum(),
         }
     }
@@ -232,7 +255,7 @@ impl Discrepancy {
     /// Effective degrees of freedom at a variance ratio p: the trace of p·K·(I + p·K)⁻¹.
     pub fn effective_dof(&self, variance_ratio: f64) -> f64 {
         match &self.form {
-            Form::Smooth(factor) => (factor.products)
+            Form::Smooth(factor) => (factor.rotated().products)
                 .factorise(variance_ratio)
                 .effective_dof(variance_ratio),
             Form::Scatter(variances) => variances
@@ -242,15 +265,34 @@ impl Discrepancy {
         }
     }
 
+    /// Slopes of the log likelihoods of some columns of residuals, whose noise has unit variance, by the variance of the process where that
+    /// is nothing: the scores of Lin (1997, Biometrika 84, 309–326, eq. 3).
+    pub fn scores(&self, residuals: &DMatrix<f64>) -> Vec<f64> {
+        let powers: Vec<f64> = match &self.form {
+            Form::Smooth(factor) => {
+                let along = &factor.lines * residuals;
+                along.column_iter().map(|own| own.norm_squared()).collect()
+            }
+            Form::Scatter(variances) => (residuals.column_iter())
+                .map(|own| {
+                    let rows = own.iter().zip(variances);
+                    rows.map(|(value, variance)| variance * value * value).sum()
+                })
+                .collect(),
+        };
+        let trace = self.trace();
+        powers.iter().map(|power| 0.5 * (power - trace)).collect()
+    }
+
     /// Posterior mean of the process given values over the rows, at this variance ratio.
     pub fn posterior_mean(&self, variance_ratio: f64, values: &[f64]) -> Vec<f64> {
         match &self.form {
             Form::Smooth(factor) => {
+                let Rotated { rotation, products } = factor.rotated();
                 let along = &factor.lines * DVector::from_column_slice(values);
-                let mut along = factor.rotation.tr_mul(&along);
-                (factor.products.factorise(variance_ratio)).solve(along.as_mut_slice());
-                let solved = &factor.rotation * along;
-                factor.lines.tr_mul(&solved).data.into()
+                let mut along = rotation.tr_mul(&along);
+                (products.factorise(variance_ratio)).solve(along.as_mut_slice());
+                factor.lines.tr_mul(&(rotation * along)).data.into()
             }
             Form::Scatter(variances) => (variances.iter().zip(values))
                 .map(|(variance, value)| share(variance_ratio * variance) * value)
@@ -273,10 +315,11 @@ impl Discrepancy {
     /// Projects columns over the same rows onto the basis of the process.
     pub fn project<'a>(&'a self, columns: &'a DMatrix<f64>) -> Projected<'a> {
         match &self.form {
-            Form::Smooth(factor) => Projected::Smooth(
-                (&factor.lines * columns).transpose() * &factor.rotation,
-                &factor.products,
-            ),
+            Form::Smooth(factor) => {
+                let Rotated { rotation, products } = factor.rotated();
+                let crossed = (&factor.lines * columns).transpose() * rotation;
+                Projected::Smooth(crossed, products)
+            }
             Form::Scatter(variances) => Projected::Scatter(columns, variances),
         }
     }
@@ -363,6 +406,29 @@ mod tests {
         assert!(near(log_determinant, whole.determinant().ln()));
         let beside = dot(&values, &values) - explained[0];
         assert!(near(beside, (y.transpose() * &inverse * &y)[0]));
+    }
+
+    /// The score is the slope of the log likelihood of N(0, I + p·K) at p = 0, of a smooth process and of scatter.
+    #[test]
+    fn the_score_is_the_slope_of_the_likelihood() {
+        let rows = 17;
+        let values = DMatrix::from_vec(rows, 2, columns(rows, 9)[7..].concat()) * 3.0;
+        let scatter = (0..rows).map(|row| 0.1 * (row % 4) as f64).collect();
+        for discrepancy in [
+            Discrepancy::new(Kind::Region, &columns(rows, 6), 0.0),
+            Discrepancy::scatter(Kind::Noise, scatter, 0.0),
+        ] {
+            let slopes = discrepancy.scores(&values);
+            let step = 1e-6;
+            let (explained, log_determinant) = discrepancy.project(&values).explained_gram(step);
+            for (column, slope) in slopes.iter().enumerate() {
+                let rise = 0.5 * (explained[(column, column)] - log_determinant) / step;
+                assert!(
+                    (slope - rise).abs() < 1e-3 * slope.abs().max(1.0),
+                    "{slope}, {rise}"
+                );
+            }
+        }
     }
 
     /// A kernel is like itself at any size, and not like that of other columns or of another kind.
