@@ -281,20 +281,20 @@ fn scan_beside_unknown(
     let mut discrepancies = std::mem::take(&mut attribution.discrepancies);
     let found = search_anew(pool, &discrepancies, unknown);
     models.extend(found.into_iter().map(|model| noisy(model, noise)));
-    normalise(&mut models);
-    let better = models[0].log_posterior > model.log_posterior;
-    let kind = (models[0].discrepancy).map(|(index, _)| discrepancies[index].kind.clone());
+    let best = best_of(models.iter()).unwrap_or(&model).clone();
+    let better = best.log_posterior > model.log_posterior;
+    let kind = (best.discrepancy).map(|(index, _)| discrepancies[index].kind.clone());
     if let Some(kind) = kind.filter(|_| better) {
         // Its states or its part of the travel were those beside the shapes before.
-        let fits = Fitted::around(&models[0]);
+        let fits = Fitted::around(&best);
         let all = (&mut discrepancies, &mut models);
         if Switching::is_own(&kind) {
             add_switching(pool, scored, fits, all, noise);
         } else if TravelScan::is_own(&kind) {
             add_estimated((pool, &TravelScan::new(pool)), scored, fits, all, noise);
         }
-        normalise(&mut models);
     }
+    normalise(&mut models);
     *attribution = attribution_of(pool, discrepancies, models);
     better
 }

@@ -1,15 +1,16 @@
 //! Time of a diagnosis against the number of touches and of effects in the library: `cargo bench -p validation`.
 //!
-//! Sessions of the blind plant, whose plans have 80 to 160 touches or the number that is given. A plate of 640 holes, each with two
-//! readings, and nine days of a warming spindle diagnosed together are those of the layouts. Times are those of the processor, by the kernel's
-//! account of this thread, so that what else runs hardly matters: median and range over sessions. The last column
-//! tells how much longer than the first line. `-- 10000` makes only the lines of so many touches, `-- 0` those of 80 to 160.
+//! Sessions of the blind plant, whose plans have the given number of touches. A plate of 640 holes, each with two
+//! readings, and nine days of a warming spindle diagnosed together are those of the layouts. Times are those that this thread has the
+//! processor, so that what else runs hardly matters: median and range over sessions. The last column tells how much longer than the
+//! first line. `-- 10000` makes only the lines of so many touches.
 #![expect(
     clippy::print_stdout,
     clippy::unwrap_used,
     reason = "a table for a person; a failure ends it"
 )]
 
+use cpu_time::ThreadTime;
 use diagnosis::{Options, Session, diagnose, diagnose_together_with_residuals};
 use effects::library;
 use effects::observe;
@@ -22,6 +23,8 @@ mod layouts;
 
 /// Runs of which the median counts.
 const RUNS: u64 = 11;
+/// Touches of a usual session.
+const USUAL: usize = 120;
 
 fn main() {
     println!("| touches | effects offered | ms | from, to | ratio |\n|---|---|---|---|---|");
@@ -30,11 +33,11 @@ fn main() {
         .filter_map(|number| number.parse().ok())
         .collect();
     for (content, touches) in [
-        (Content::Clean, 0),
-        (Content::Known(1), 0),
-        (Content::Known(3), 0),
-        (Content::Known(5), 0),
-        (Content::Strange, 0),
+        (Content::Clean, USUAL),
+        (Content::Known(1), USUAL),
+        (Content::Known(3), USUAL),
+        (Content::Known(5), USUAL),
+        (Content::Strange, USUAL),
         (Content::Known(2), 1_000),
         (Content::Known(2), 10_000),
     ] {
@@ -46,7 +49,7 @@ fn main() {
         return;
     }
     for most in [10, 30, 60] {
-        line(Content::Known(2), 0, most, &mut first);
+        line(Content::Known(2), USUAL, most, &mut first);
     }
     let errors = Errors {
         shift: [1e-4, -8e-5],
@@ -83,16 +86,11 @@ fn main() {
     );
 }
 
-/// Time that this thread spends on the processor for a task, ms.
+/// Time that this thread has the processor for a task, ms.
 fn processor(task: impl FnOnce()) -> f64 {
-    let nanoseconds = || {
-        let account = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
-        let spent = account.split_whitespace().next().unwrap();
-        spent.parse::<f64>().unwrap()
-    };
-    let before = nanoseconds();
+    let begin = ThreadTime::now();
     task();
-    (nanoseconds() - before) * 1e-6
+    begin.elapsed().as_secs_f64() * 1e3
 }
 
 /// One line of the table.
@@ -103,13 +101,14 @@ fn print(touches: &str, offered: &str, mut took: Vec<f64>, first: &mut Option<f6
     println!("| {touches} | {offered} | {middle:.0} | {least:.0}, {most:.0} | {ratio:.1} |");
 }
 
-/// Diagnoses sessions of plans of `touches` where that is not 0, with at most `effects` offered where that is not 0.
+/// Diagnoses sessions of plans of so many touches, with at most `effects` offered where that is not 0.
 fn line(content: Content, touches: usize, effects: usize, first: &mut Option<f64>) {
-    let runs = if touches > 2_000 { 3 } else { RUNS };
-    let stage = match touches {
-        0 => Stage::made_up(),
-        touches => Stage::made_up_with(touches),
+    let runs = match touches {
+        USUAL => 5 * RUNS,
+        2_000.. => 3,
+        _ => RUNS,
     };
+    let stage = Stage::made_up_with(touches);
     let mut took = Vec::new();
     let (mut rows, mut offered) = (0, 0);
     for seed in 0..runs {

@@ -244,26 +244,19 @@ mod tests {
     use crate::observe;
     use crate::test_session::session;
 
-    /// A bump on X, along x: found and moved to where it is, whatever the grid.
-    #[test]
-    fn a_bump_between_the_places_that_are_compared_is_found() {
-        let observations = observe(&session()).expect("rows");
-        let (middle, length) = (0.0173, 0.0061);
-        let axis = |name: &str| {
-            let mut names =
-                (0..observations.chain.axes().len()).map(|axis| observations.chain.axis(axis));
-            names.position(|axis| axis.name == name).expect("an axis")
-        };
-        let (x, c) = (axis("X"), axis("C"));
+    /// What is found of a displacement of X along x whose size is this function of its position: the share of its power that is
+    /// explained, and the displacement.
+    fn found(observations: &Observations, size: impl Fn(f64) -> f64) -> (f64, Displacement) {
+        let (x, c) = (axis(observations, "X"), axis(observations, "C"));
         // The table turns the part and its normals about z.
-        let bump = |row: &crate::observation::Row| {
+        let displaced = |row: &crate::observation::Row| {
             row.pose.as_ref().map_or(0.0, |pose| {
                 let (sin, cos) = pose.positions[c].sin_cos();
                 let along = row.normal.x * cos - row.normal.y * sin;
-                row.weight * along * (-0.5 * ((pose.positions[x] - middle) / length).powi(2)).exp()
+                row.weight * along * size(pose.positions[x])
             })
         };
-        let values: Vec<f64> = observations.rows.iter().map(bump).collect();
+        let values: Vec<f64> = observations.rows.iter().map(displaced).collect();
         let power: f64 = values.iter().map(|value| value * value).sum();
         let explained = |column: Vec<f64>| {
             let product: f64 = column.iter().zip(&values).map(|(a, b)| a * b).sum();
@@ -274,7 +267,7 @@ mod tests {
                 0.0
             }
         };
-        let localised = Localised::new(&observations);
+        let localised = Localised::new(observations);
         let columns = localised.columns();
         let all: Vec<f64> = (columns.chunks_exact(values.len()))
             .map(|column| explained(column.to_vec()))
@@ -283,8 +276,24 @@ mod tests {
             .max_by(|&one, &other| all[one].total_cmp(&all[other]))
             .expect("an axis that moves");
         let (most, found) = localised.refined(best, explained);
-        assert!(most > 0.999 * power, "{} of the bump", most / power);
-        assert_eq!(observations.chain.axis(found.axis).name, "X");
+        assert_eq!(found.axis, x);
+        (most / power, found)
+    }
+
+    fn axis(observations: &Observations, name: &str) -> usize {
+        let axes = 0..observations.chain.axes().len();
+        let mut named = axes.filter(|&axis| observations.chain.axis(axis).name == name);
+        named.next().expect("an axis")
+    }
+
+    /// A bump is found and moved to where it is, whatever the grid.
+    #[test]
+    fn a_bump_between_the_places_that_are_compared_is_found() {
+        let observations = observe(&session()).expect("rows");
+        let (middle, length) = (0.0173, 0.0061);
+        let bump = |at: f64| (-0.5 * ((at - middle) / length).powi(2)).exp();
+        let (share, found) = found(&observations, bump);
+        assert!(share > 0.999, "{share} of the bump");
         let Part::Range {
             middle: at,
             length: long,
@@ -294,5 +303,25 @@ mod tests {
         };
         assert!((at - middle).abs() < 0.1 * length, "{at}");
         assert!((long - length).abs() < 0.1 * length, "{long}");
+    }
+
+    /// What grows from a place on, towards either end, is found and moved to where it begins.
+    #[test]
+    fn what_grows_from_between_the_places_that_are_compared_is_found() {
+        let observations = observe(&session()).expect("rows");
+        let (low, high) = observations.travel(axis(&observations, "X"));
+        let begin = low + 0.437 * (high - low);
+        for sense in [1.0, -1.0] {
+            let (share, found) = found(&observations, |at| (sense * (at - begin)).max(0.0));
+            assert!(share > 0.999, "{share} of what grows");
+            let Part::From { place, distance } = found.part else {
+                panic!("what grows from a place on");
+            };
+            assert!(
+                (place - begin).abs() < 0.01 * (high - low),
+                "{place} for {begin}"
+            );
+            assert!(sense * distance > 0.0, "{distance}");
+        }
     }
 }
