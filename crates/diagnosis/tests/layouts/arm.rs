@@ -110,7 +110,7 @@ pub(crate) fn tracked(
     (turn, shift): (f64, V),
     seed: u64,
 ) -> Session {
-    let mut chance = Chance(seed);
+    let mut chance = Chance::new(seed);
     let mut readings = Vec::new();
     for number in 0..poses {
         let share = number as f64 / poses as f64;

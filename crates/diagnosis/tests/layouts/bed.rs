@@ -46,7 +46,7 @@ pub(crate) fn formed_bed(
     noise: f64,
     seed: u64,
 ) -> Session {
-    let mut chance = Chance(seed);
+    let mut chance = Chance::new(seed);
     touched(pose, |x, y| form(x, y) + noise * chance.normal(), [13, 11])
 }
 
@@ -90,7 +90,7 @@ fn touched(pose: &Pose, mut form: impl FnMut(f64, f64) -> f64, [along, rows]: [i
 /// A block of 160 × 120 × 60 mm, five by five points on each of five faces.
 pub(crate) fn block(pose: &Pose, noise: f64, seed: u64) -> Session {
     let half: V = [0.08, 0.06, 0.03];
-    let mut chance = Chance(seed);
+    let mut chance = Chance::new(seed);
     let mut readings = Vec::new();
     for (feature, (axis, sign)) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0)]
         .into_iter()

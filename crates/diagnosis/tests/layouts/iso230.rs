@@ -28,7 +28,7 @@ pub(crate) struct Errors {
 
 /// The run: each target up and down, five times, 8 s a reading.
 pub(crate) fn run(errors: &Errors, seed: u64) -> Session {
-    let mut chance = Chance(seed);
+    let mut chance = Chance::new(seed);
     axis(0.3, 0.005, |x, up, share| {
         let u = x / 0.3;
         let behind = if up { -0.5 } else { 0.5 } * errors.lost_motion;

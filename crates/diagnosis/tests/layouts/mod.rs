@@ -16,6 +16,9 @@ use probecell_msgs::{
     InspectionFeature, InspectionPlan, InspectionPoint, MachineState, ProbeEvent, Stylus,
     builtin_interfaces::Time, geometry_msgs::Point, geometry_msgs::Vector3, std_msgs::Header,
 };
+use rand::{Rng, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
 
 /// Three slides that stand on one another and carry the probe; the part lies on the foundation.
 pub(crate) const GANTRY: &str = r#"<robot name="gantry">
@@ -134,20 +137,21 @@ fn vector([x, y, z]: V) -> Vector3 {
     Vector3 { x, y, z }
 }
 
-/// Uniform and nearly normal numbers of a linear congruential generator.
-pub(crate) struct Chance(pub(crate) u64);
+/// Uniform and normal numbers, of streams that do not depend on one another where their seeds are neighbours.
+pub(crate) struct Chance(Pcg64Mcg);
 
 impl Chance {
-    pub(crate) fn uniform(&mut self) -> f64 {
-        self.0 = (self.0)
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(Pcg64Mcg::seed_from_u64(seed))
     }
 
-    /// Of unit variance: twelve uniform numbers less their mean.
+    pub(crate) fn uniform(&mut self) -> f64 {
+        self.0.random()
+    }
+
+    /// Of unit variance.
     pub(crate) fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+        self.0.sample(StandardNormal)
     }
 }
 

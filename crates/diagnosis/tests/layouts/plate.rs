@@ -16,12 +16,12 @@ pub(crate) struct Errors {
 
 /// The CMM goes from hole to hole in an order of its own.
 pub(crate) fn plate(errors: &Errors, seed: u64) -> Session {
-    measured(errors, |hole| hole * 237 % 640, &mut Chance(seed))
+    measured(errors, |hole| hole * 237 % 640, &mut Chance::new(seed))
 }
 
 /// Without noise, each hole measured at its place in an order.
 pub(crate) fn ordered(errors: &Errors, order: impl Fn(u32) -> u32) -> Session {
-    measured(errors, order, &mut Chance(1))
+    measured(errors, order, &mut Chance::new(1))
 }
 
 fn measured(errors: &Errors, order: impl Fn(u32) -> u32, chance: &mut Chance) -> Session {
@@ -70,7 +70,7 @@ fn measured(errors: &Errors, order: impl Fn(u32) -> u32, chance: &mut Chance) ->
 
 /// A row of 90 holes along x, measured once in the order of their place at an even pace.
 pub(crate) fn rail(errors: &Errors, seed: u64) -> Session {
-    let mut chance = Chance(seed);
+    let mut chance = Chance::new(seed);
     let mut readings = Vec::new();
     for column in 0..90 {
         let x = 0.0071 * f64::from(column);

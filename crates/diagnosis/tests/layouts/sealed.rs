@@ -63,10 +63,7 @@ pub(crate) struct Sealed {
 
 /// Draws a session of a class.
 pub(crate) fn draw(class: Class, seed: u64) -> Sealed {
-    let mut chance = Chance(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(77));
-    for _ in 0..5 {
-        chance.uniform();
-    }
+    let mut chance = Chance::new(seed);
     match class {
         Class::Axis => classes::axis(&mut chance),
         Class::Plate => classes::drilled(&mut chance),

@@ -12,7 +12,7 @@ struct Body {
 
 /// One day of four hours, a reading a minute; `growth` per kelvin of bearing and column, m/K.
 pub(crate) fn day(number: u64, growth: (f64, f64), noise: f64) -> Session {
-    let mut chance = Chance(1000 + number);
+    let mut chance = Chance::new(1000 + number);
     let night = 19.0 + 2.0 * chance.uniform();
     let pauses = (
         60.0 + 40.0 * chance.uniform(),
