@@ -1,9 +1,10 @@
 //! Equivalence classes of effects: effects that a session cannot distinguish from a fitted one.
 //!
 //! Another effect is indistinguishable when, beside the rest of the set, it reproduces the effect's fitted signature to
-//! within half the noise and, however many touches there are, within five standard deviations, or when the posterior with it in place is not much lower. What depends on time, and is measured in the
-//! order of the places, looks like what depends on the place: there two effects together may stand for one, with no more
-//! parameters than it has. The class is a list of identifiers.
+//! within half the noise and, however many touches there are, within five standard deviations, or when the posterior with it in place
+//! is not much lower. So are those of another explanation that is not much less probable, where they reproduce it together. What depends
+//! on time, and is measured in the order of the places, looks like what depends on the place: there two effects together may stand for
+//! one, with no more parameters than it has. The class is a list of identifiers.
 
 use std::collections::BTreeSet;
 
@@ -24,6 +25,8 @@ const TOLD_APART: f64 = 5.0;
 const NOT_EXCLUDED: f64 = 4.6;
 /// The first of two effects that stand for one explains at least this share of its energy.
 const MAX_OF_IT: f64 = 0.4;
+/// Effects that stand for one together leave at most this share of its energy.
+const LEFT_OF_IT: f64 = 0.05;
 /// Trial values of a shape that are compared with a signature.
 const TRIALS: usize = 160;
 
@@ -32,8 +35,12 @@ const TRIALS: usize = 160;
 pub(crate) struct EquivalenceClass {
     /// Their identifiers, in the order of the library, without the fitted effect.
     pub(crate) names: Vec<String>,
-    /// Those of them that stand for the effect only two together.
+    /// Those of them that stand for the effect only together with others of them.
     pub(crate) together: Vec<String>,
+    /// Sets of other explanations that reproduce the effect by several of their members together.
+    pub(crate) explanations: BTreeSet<Vec<usize>>,
+    /// Effects that are in the class for these alone.
+    pub(crate) of_explanations: BTreeSet<String>,
     /// True where the rest of the set reproduces the effect to within half the noise.
     pub(crate) replaceable: bool,
 }
@@ -78,16 +85,27 @@ pub(crate) fn equivalence_class(
     if !replaceable && substitution.depends_on_time() {
         substitution.by_two(&found, &mut together);
     }
+    let (explanations, mut joint) = if replaceable {
+        Default::default()
+    } else {
+        substitution.by_explanations()
+    };
+    joint.retain(|name| !found.contains(name) && !together.contains(name));
     for &member in fitted.set {
         found.remove(substitution.effect(member));
         together.remove(substitution.effect(member));
+        joint.remove(substitution.effect(member));
     }
+    let together_or_joint = together.union(&joint);
     let mut class = EquivalenceClass {
         names: Vec::new(),
-        together: together.iter().map(|&name| name.to_owned()).collect(),
+        together: together_or_joint.map(|&name| name.to_owned()).collect(),
+        explanations,
+        of_explanations: joint.iter().map(|&name| name.to_owned()).collect(),
         replaceable,
     };
     found.append(&mut together);
+    found.append(&mut joint);
     for variant in shapes.variants {
         if found.remove(variant.effect.as_str()) {
             class.names.push(variant.effect.clone());
@@ -160,6 +178,51 @@ impl<'a> Substitution<'a> {
     fn depends_on_time(&self) -> bool {
         let acts = acts_on(self.effect(self.fitted.member));
         acts.is_some_and(|acts| acts.smooth_in.contains(&Coordinate::Time))
+    }
+
+    /// The sets of other explanations that are not much less probable and reproduce the fitted signature together beside the rest of the
+    /// set, and those of their effects that are needed for it.
+    fn by_explanations(&self) -> (BTreeSet<Vec<usize>>, BTreeSet<&'a str>) {
+        let attribution = self.attribution;
+        let FittedMember {
+            set,
+            member,
+            coefficients,
+            noise,
+        } = *self.fitted;
+        let signature = attribution.candidates[member].signature(coefficients);
+        let energy_beside = |substitutes: &[usize]| {
+            let rest = self.others.iter().chain(substitutes);
+            let rest = rest.map(|&other| &attribution.candidates[other]);
+            ScannedResiduals::new(self.shapes, &attribution.active, &signature, rest).energy()
+        };
+        let whole = energy_beside(&[]);
+        let bound = same_within(noise, self.shapes.sample.len()).min(LEFT_OF_IT * whole);
+        let reproduced_by = |substitutes: &[usize]| energy_beside(substitutes) <= bound;
+        let best = attribution.models.first();
+        let probable = (attribution.models.iter()).take_while(|model| {
+            best.is_some_and(|best| model.log_posterior > best.log_posterior - NOT_EXCLUDED)
+        });
+        let (mut explanations, mut effects) = (BTreeSet::new(), BTreeSet::new());
+        let mut known: BTreeSet<&[usize]> = BTreeSet::new();
+        for model in probable.filter(|model| known.insert(&model.set)) {
+            let same = |&other: &usize| self.effect(other) == self.effect(member);
+            let new = model.set.iter().copied();
+            let mut substitutes: Vec<usize> = new.filter(|other| !set.contains(other)).collect();
+            if model.set.iter().any(same) || !reproduced_by(&substitutes) {
+                continue;
+            }
+            for substitute in substitutes.clone() {
+                let fewer = substitutes.iter().copied();
+                let fewer: Vec<usize> = fewer.filter(|&other| other != substitute).collect();
+                if reproduced_by(&fewer) {
+                    substitutes = fewer;
+                }
+            }
+            effects.extend(substitutes.into_iter().flat_map(|own| self.effects_of(own)));
+            explanations.insert(model.set.clone());
+        }
+        (explanations, effects)
     }
 
     /// Adds effects that are not among `alone`, of which two together reproduce the fitted signature beside the rest of the set with

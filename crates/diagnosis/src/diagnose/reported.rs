@@ -2,6 +2,8 @@
 //!
 //! Metres; parameters in the effects' own units.
 
+use std::collections::BTreeSet;
+
 use inference::candidate::Candidate;
 use inference::cross_validation::HeldOut;
 use inference::discrepancy::Kind;
@@ -43,7 +45,7 @@ struct Offered {
     /// Probability that it or one of its equivalence class acts.
     probability: f64,
     equivalent: Vec<String>,
-    /// Those of them that stand for it only two together.
+    /// Those of them that stand for it only together with others of them.
     together: Vec<String>,
     /// Root mean square of what it adds to the deviations, m.
     size: f64,
@@ -144,7 +146,10 @@ impl Reporter<'_> {
             };
             let equivalent = equivalence_class(self.shapes, attribution, &fitted);
             let name = self.variants[candidate.variant].effect.clone();
-            let probability = self.probability(std::iter::once(&name).chain(&equivalent.names));
+            let alone = (equivalent.names.iter())
+                .filter(|name| !equivalent.of_explanations.contains(*name));
+            let names = std::iter::once(&name).chain(alone);
+            let probability = self.probability_with(names, &equivalent.explanations);
             let least = match (beside_unknown, equivalent.replaceable) {
                 (_, true) => SURE_THOUGH_REPLACEABLE,
                 (true, false) => SURE_BESIDE_UNKNOWN,
@@ -276,6 +281,15 @@ impl Reporter<'_> {
 
     /// Probability that at least one of the effects acts.
     pub(super) fn probability<'a>(&self, names: impl Iterator<Item = &'a String>) -> f64 {
+        self.probability_with(names, &BTreeSet::new())
+    }
+
+    /// Probability that at least one of the effects, or one of these sets, acts.
+    fn probability_with<'a>(
+        &self,
+        names: impl Iterator<Item = &'a String>,
+        sets: &BTreeSet<Vec<usize>>,
+    ) -> f64 {
         let attribution = &self.explained.attribution;
         let names: Vec<&String> = names.collect();
         let has = |member: usize| {
@@ -286,8 +300,9 @@ impl Reporter<'_> {
                     .any(|alias| names.contains(&&self.variants[alias.variant].effect))
         };
         let has: Vec<bool> = (0..attribution.candidates.len()).map(has).collect();
-        let models =
-            (attribution.models.iter()).filter(|model| model.set.iter().any(|&member| has[member]));
+        let models = (attribution.models.iter()).filter(|model| {
+            sets.contains(&model.set) || model.set.iter().any(|&member| has[member])
+        });
         models.map(|model| model.probability).sum::<f64>().min(1.0)
     }
 }
