@@ -63,6 +63,27 @@ fn sealed_sessions_name_their_main_cause_and_nothing_innocent() {
 /// What an expert leaves who knows the causes, at most so many times.
 const EXPERT: f64 = 1.15;
 
+/// A displacement of the part in some directions is as well that of an axis and a length of the stylus together: one group, which leaves
+/// what an expert leaves. In one of these sessions neither was sure, and ten times as much was left.
+#[test]
+fn a_displacement_that_others_make_together_is_one_group_with_them() {
+    for seed in 141_421_780_264_068..141_421_780_264_088 {
+        let sealed = draw(Class::Block, seed);
+        let [session] = sealed.fit.as_slice() else {
+            panic!("a block is one session");
+        };
+        let report = alone(session);
+        for cause in &sealed.causes {
+            assert!(names(&report, cause), "{cause}, {}: {report}", sealed.drawn);
+        }
+        assert!(
+            left(&report) < EXPERT * sealed.expert,
+            "{}: {report}",
+            sealed.drawn
+        );
+    }
+}
+
 /// A curve of the axis, lost motion that differs along it and a drift that ends are named together, whatever curve it is: nothing
 /// is left to an unknown cause, and as little as an expert leaves.
 #[test]
