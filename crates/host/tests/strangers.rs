@@ -467,12 +467,6 @@ fn a_robot_on_ros_2_speaks_and_serves_what_its_section_names() {
     let heard = witness.hears(&robot, "robot", &topics);
     let spoken: BTreeSet<String> = ROBOT_TOPICS.into_iter().map(str::to_owned).collect();
     assert_eq!(heard, all(&spoken));
-    // The driver finds its services and calls them.
-    for name in ROBOT_SERVICES {
-        let key = common::serve(&robot, format!("0/{name}/T/H"));
-        reach(&witness.session, &key);
-    }
-    // It announces them under a name of its own, and nothing else that speaks.
     let into = Heard::default();
     let found = Arc::clone(&into);
     let tokens = witness
@@ -486,6 +480,12 @@ fn a_robot_on_ros_2_speaks_and_serves_what_its_section_names() {
             found.lock().expect("no panic").insert(said);
         });
     tokens.background().wait().expect("a subscription");
+    // The driver finds its services and calls them. By then the router knows that the witness listens to tokens.
+    for name in ROBOT_SERVICES {
+        let key = common::serve(&robot, format!("0/{name}/T/H"));
+        reach(&witness.session, &key);
+    }
+    // It announces them under a name of its own, and nothing else that speaks.
     let mut declared = Vec::new();
     for topic in &topics {
         declared.extend(announce(&robot, "robot", &["ur10".to_owned()], topic));
