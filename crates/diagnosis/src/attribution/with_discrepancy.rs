@@ -47,8 +47,9 @@ const POWERS_SEARCHED: usize = 3;
 /// Sets that are screened, each of another size.
 const SCREENING_SETS: usize = 5;
 
-/// What an effect pays (natural log) beside a discrepancy of its own kind: either describes the same thing.
-const KIN: f64 = 12.0;
+/// What an effect pays (natural log) beside a discrepancy of its own kind, since either describes the same thing: about as much again as
+/// its choice from the library.
+const KIN: f64 = 5.0;
 
 /// Models of effect sets with each of the discrepancies, whose numbers begin at `first`; `known` are scored already.
 pub(crate) fn score_with_discrepancies(
@@ -253,8 +254,8 @@ impl<'a> Scorer<'a> {
             .collect();
         let residuals = subset.standardised_residuals();
         let shows = |discrepancy: &Discrepancy| {
-            let mut scores = discrepancy.scores(&residuals).into_iter();
-            best == f64::NEG_INFINITY || scores.any(|score| score > 0.0)
+            let scores = || discrepancy.scores(&residuals).into_iter();
+            best == f64::NEG_INFINITY || scores().any(|score| score > 0.0)
         };
         let mut screened: Vec<Screened> = Vec::new();
         for (index, discrepancy) in self.discrepancies.iter().enumerate() {
