@@ -76,7 +76,7 @@ P
     echo "good: $1"
 }
 python3 "$here/run_program.py" program.ngc
-"$probecell" results program.log --plan bore.toml >program.txt || { echo "FAILED: the program's log"; cat program.log; exit 1; }
+"$probecell" results program.log --plan bore.toml >program.txt || { echo "FAILED: the program's log"; cat program.log; tail -n 20 linuxcnc.out; exit 1; }
 same "the program measures what the cell measures" out.txt program.txt
 head -n 8 program.log >broken.log
 "$probecell" program bore.toml --controller linuxcnc --measured broken.log --log "$scratch/rest.log" -o rest.ngc
