@@ -8,7 +8,7 @@
 use std::time::Instant;
 
 use diagnosis::{Options, Report, Verdict, diagnose, diagnose_together_with_residuals};
-use layouts::sealed::{Class, Sealed, draw};
+use layouts::sealed::{Class, Sealed, draw, seed_in_set};
 use layouts::{groups, left, names};
 
 #[path = "../tests/layouts/mod.rs"]
@@ -38,7 +38,7 @@ fn main() {
         }
         let judged: Vec<Judged> = (0..each)
             .map(|own| {
-                let sealed = draw(class, seed.wrapping_mul(1_000_003).wrapping_add(own));
+                let sealed = draw(class, seed_in_set(seed, own));
                 let judged = judge(&sealed, verbose);
                 if verbose && !judged.is_right() {
                     tell(&format!("{name} {own}"), &sealed, &judged);

@@ -9,8 +9,8 @@ import socket
 import sys
 import time
 
-# Polls in a row, 50 ms apart, that show an idle interpreter at the end of a program. Taken for the end, a single one came three touches
-# before it once in some twenty runs; why was not found.
+# Polls in a row, 50 ms apart, that show an idle interpreter at the end of a program. After a single one the log of a program once, in some
+# twenty runs, lacked its last three touches; why was not found.
 ENDED = 10
 
 
@@ -50,7 +50,7 @@ def main():
         running = running or "RUNNING" in status
         idle = idle + 1 if "IDLE" in status else 0
         if running and idle == ENDED:
-            print(f"idle, {shell.say('get error')}")
+            print(f"the interpreter is idle; its last error: {shell.say('get error')}")
             return
         time.sleep(0.05)
     raise SystemExit("the program does not come to its end")

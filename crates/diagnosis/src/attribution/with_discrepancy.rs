@@ -254,8 +254,8 @@ impl<'a> Scorer<'a> {
             .collect();
         let residuals = subset.standardised_residuals();
         let shows = |discrepancy: &Discrepancy| {
-            let scores = || discrepancy.scores(&residuals).into_iter();
-            best == f64::NEG_INFINITY || scores().any(|score| score > 0.0)
+            best == f64::NEG_INFINITY
+                || (discrepancy.scores(&residuals).into_iter()).any(|score| score > 0.0)
         };
         let mut screened: Vec<Screened> = Vec::new();
         for (index, discrepancy) in self.discrepancies.iter().enumerate() {

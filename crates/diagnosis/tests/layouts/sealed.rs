@@ -61,6 +61,11 @@ pub(crate) struct Sealed {
     pub(crate) drawn: String,
 }
 
+/// Seed of the session of a number in the set of a seed, as `examples/machines.rs` draws it.
+pub(crate) fn seed_in_set(set: u64, number: u64) -> u64 {
+    set.wrapping_mul(1_000_003).wrapping_add(number)
+}
+
 /// Draws a session of a class.
 pub(crate) fn draw(class: Class, seed: u64) -> Sealed {
     let mut chance = Chance::new(seed);
