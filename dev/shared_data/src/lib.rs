@@ -1,5 +1,7 @@
 //! Data that some tests need and a clone does not hold: the folder `../shared` beside the repository.
 //!
+//! A test that exhausts a space (states, seeds, kills) takes a [`share`] of it, and the whole where `PROBECELL_TESTS=whole`.
+//!
 //! A test asks [`path`] for what it needs. What is not there is noted in `target/skipped.txt`, a line for each test and
 //! thing, so that a run which skipped something says so at its end:
 //!
@@ -21,6 +23,12 @@ use std::{
 };
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// `whole` where the environment says `PROBECELL_TESTS=whole`, as the step `whole` of `.ci/run` does; else `quick`.
+pub fn share<T>(quick: T, whole: T) -> T {
+    let is_whole = std::env::var_os("PROBECELL_TESTS").is_some_and(|value| value == "whole");
+    if is_whole { whole } else { quick }
+}
 
 /// `../shared/PATH`; `None`, noted in `target/skipped.txt`, where it is not there.
 #[track_caller]
