@@ -1,5 +1,7 @@
 //! Tasks of the workspace, run as `cargo run --release -p xtask -- TASK`.
 
+mod deb;
+
 use std::{
     io::{Write as _, stdout},
     path::{Path, PathBuf},
@@ -27,6 +29,9 @@ usage: cargo run --release -p xtask -- TASK
   licences [FOLDER...] Checks licences and sources of all dependencies against deny.toml, as cargo-deny does, which is not
                      needed; exit status 1 if one does not fit. Of this workspace, or of those in the folders.
   sbom               Prints the bill of materials of the program on Linux, x86-64: CycloneDX 1.5.
+  deb [--binary FILE] [--version VERSION] [--out DIR]
+                     Makes the Debian package of a program, that of `.ci/run dist` unless FILE is another, in target/deb or
+                     DIR, and prints its path.
 ";
 
 /// Packages that exist for development only: neither searched from nor reported.
@@ -44,6 +49,7 @@ fn main() -> Result<ExitCode> {
         ["unused"] => print_unused(),
         ["licences", ref folders @ ..] => print_licences(folders),
         ["sbom"] => print_bill(),
+        ["deb", ..] => deb::run(&arguments[1..]),
         _ => bail!("{USAGE}"),
     }
 }
