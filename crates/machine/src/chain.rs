@@ -360,17 +360,13 @@ pub(crate) fn joint(joint: &RawJoint, child: &Link) -> Result<Joint, ChainError>
     if !mass.is_finite() || !inertia.iter().all(|value| value.is_finite()) {
         return Err(bad("inertia"));
     }
-    let [lower, upper, speed] = joint.limit;
-    if !(lower.is_finite() && upper.is_finite()) {
-        return Err(bad("limit"));
-    }
-    let limited = joint.kind != "continuous" && lower < upper;
+    let (limits, speed) = travel_and_speed(joint)?;
     Ok(Joint {
         kind,
         origin,
         axis,
-        limits: limited.then_some((lower, upper)),
-        speed: (speed.is_finite() && speed > 0.0).then_some(speed),
+        limits,
+        speed,
         mass,
         centre_of_mass: centre.translation.vector,
         inertia,
@@ -379,6 +375,60 @@ pub(crate) fn joint(joint: &RawJoint, child: &Link) -> Result<Joint, ChainError>
             .collect::<Result<_, _>>()?,
         name,
     })
+}
+
+/// Lower and upper limit, m or rad, of an axis that has them.
+type Travel = Option<(f64, f64)>;
+
+/// Lower and upper limit, and top speed, of an axis; `None` where it has none. A revolute or prismatic joint has both, and only a
+/// continuous one turns without limits (<http://wiki.ros.org/urdf/XML/joint>).
+fn travel_and_speed(joint: &RawJoint) -> Result<(Travel, Option<f64>), ChainError> {
+    let wrong = |what: String| ChainError::Limit {
+        joint: joint.name.clone(),
+        what,
+    };
+    let has_travel = matches!(joint.kind.as_str(), "revolute" | "prismatic");
+    let meant = if joint.kind == "revolute" {
+        ", or make it `continuous` if it turns without limits"
+    } else {
+        ""
+    };
+    let Some([lower, upper, speed]) = joint.limit else {
+        if has_travel {
+            let kind = &joint.kind;
+            return Err(wrong(format!(
+                "is {kind} and has no `limit`: state it{meant}"
+            )));
+        }
+        return Ok((None, None));
+    };
+    if joint.kind == "fixed" {
+        return Ok((None, None));
+    }
+    if !(speed.is_finite() && speed > 0.0) {
+        return Err(wrong(format!(
+            "has velocity {speed} in its `limit`, expected a speed above 0"
+        )));
+    }
+    if !has_travel {
+        return Ok((None, Some(speed)));
+    }
+    if !(lower.is_finite() && upper.is_finite()) {
+        return Err(wrong(format!(
+            "has limits from {lower} to {upper}, expected numbers"
+        )));
+    }
+    if lower > upper {
+        return Err(wrong(format!(
+            "has its lower limit {lower} above its upper limit {upper}: are they exchanged?"
+        )));
+    }
+    if lower == upper {
+        return Err(wrong(format!(
+            "has a travel from {lower} to {upper} (a limit that is left out is 0): state both limits{meant}"
+        )));
+    }
+    Ok((Some((lower, upper)), Some(speed)))
 }
 
 /// The capsule around a cylinder: its axis ends where the flat faces are, so that it covers the edges' circles but for the

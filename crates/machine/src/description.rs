@@ -67,6 +67,14 @@ pub enum ChainError {
     /// A coupled joint is no axis of its own.
     #[error("joint `{0}` mimics another joint, which the chain cannot represent")]
     Mimic(String),
+    /// A travel or a speed that no axis can have.
+    #[error("joint `{joint}` {what}")]
+    Limit {
+        /// The joint.
+        joint: String,
+        /// What is wrong, as a verb phrase.
+        what: String,
+    },
     /// A number that is not finite, or an axis of no length.
     #[error("joint `{joint}` has an unusable {what}")]
     BadNumber {

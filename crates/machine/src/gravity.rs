@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use crate::chain::{Chain, JointKind, Side};
 
 /// Standard acceleration of gravity, m/s² (CGPM 1901).
-const STANDARD_GRAVITY: f64 = 9.806_65;
+pub(crate) const STANDARD_GRAVITY: f64 = 9.806_65;
 
 impl Chain {
     /// Effort of gravity at each axis (N m or N), in the order of [`Self::axes`].

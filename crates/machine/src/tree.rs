@@ -42,3 +42,12 @@ pub fn joints(text: &str) -> Result<Vec<TreeJoint>, ChainError> {
     });
     Ok(joints.collect())
 }
+
+/// Names of all joints of a URDF text, of whatever type.
+///
+/// # Errors
+/// [`ChainError::Urdf`] where the text is no robot description.
+pub fn joint_names(text: &str) -> Result<Vec<String>, ChainError> {
+    let robot = Robot::read(text)?;
+    Ok(robot.joints.into_iter().map(|joint| joint.name).collect())
+}

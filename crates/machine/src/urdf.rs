@@ -11,6 +11,9 @@ use crate::description::{ChainError, check_links, check_text};
 /// Most elements, texts and comments.
 const MAX_NODES: u32 = 1_000_000;
 
+/// End of the namespace of the macros from which packages make their URDF (<http://wiki.ros.org/xacro>).
+const XACRO: &str = "/xacro";
+
 /// A robot.
 pub(crate) struct Robot {
     pub(crate) name: String,
@@ -37,6 +40,7 @@ pub(crate) struct Round {
 }
 
 /// A joint as it is written.
+#[derive(Clone)]
 pub(crate) struct RawJoint {
     pub(crate) name: String,
     /// `type`, as written.
@@ -45,8 +49,8 @@ pub(crate) struct RawJoint {
     pub(crate) child: String,
     pub(crate) origin: Pose,
     pub(crate) axis: Vector3<f64>,
-    /// Lowest, highest and largest speed; 0 where it has no limit.
-    pub(crate) limit: [f64; 3],
+    /// Lowest, highest and largest speed, if it has a `limit`.
+    pub(crate) limit: Option<[f64; 3]>,
     pub(crate) mimics: bool,
 }
 
@@ -108,6 +112,14 @@ impl Robot {
         let document = Document::parse_with_options(text, options);
         let document = document.map_err(|error| ChainError::Urdf(error.to_string()))?;
         let robot = document.root_element();
+        if robot.descendants().any(|one| {
+            one.tag_name()
+                .namespace()
+                .is_some_and(|space| space.ends_with(XACRO))
+        }) {
+            let what = "it is a xacro that is not expanded: `xacro FILE -o robot.urdf` of ROS writes the URDF";
+            return Err(ChainError::Urdf(what.to_owned()));
+        }
         if robot.tag_name().name() != "robot" {
             let name = robot.tag_name().name();
             return Err(ChainError::Urdf(format!(
@@ -254,16 +266,16 @@ fn joint(of: Node<'_, '_>) -> Result<RawJoint, ChainError> {
         }
     };
     let limit = match child(of, "limit") {
-        None => [0.0; 3],
+        None => None,
         Some(limit) => {
             let bound = |key: &str| -> Result<f64, ChainError> {
                 Ok(numbers::<1>(of, limit, key)?.map_or(0.0, |[value]| value))
             };
-            [
+            Some([
                 bound("lower")?,
                 bound("upper")?,
                 number(of, limit, "velocity")?,
-            ]
+            ])
         }
     };
     Ok(RawJoint {

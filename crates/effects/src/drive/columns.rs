@@ -166,7 +166,7 @@ fn sign(signals: &Signals) -> Vec<f64> {
 }
 
 /// Sign of a speed, smoothed around standstill and over its noise.
-fn signs(speed: &[f64], noise: f64) -> Vec<f64> {
+pub fn signs(speed: &[f64], noise: f64) -> Vec<f64> {
     let mut sizes: Vec<f64> = speed.iter().map(|value| value.abs()).collect();
     sizes.sort_by(f64::total_cmp);
     let usual = sizes[sizes.len() * 19 / 20];

@@ -47,11 +47,14 @@ impl Effect for Compliance {
     }
 
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
-        self.on_machine(&rows.chain).into_iter().collect()
+        let still = rows.rows.iter().all(|row| row.feed == 0.0);
+        let under_masses = self.under_masses(&rows.chain).filter(|_| still);
+        (self.on_machine(&rows.chain).into_iter().chain(under_masses)).collect()
     }
 
     fn declared(&self, chain: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        self.on_machine(chain).into_iter().collect()
+        let under_masses = self.under_masses(chain);
+        (self.on_machine(chain).into_iter().chain(under_masses)).collect()
     }
 
     fn drive(&self, drive: &Drive<'_>, _: &[DriveEffect]) -> Option<DriveEffect> {
@@ -73,24 +76,115 @@ impl Effect for Compliance {
 }
 
 impl Compliance {
+    /// Axes that yield to the torque of the declared weights.
     fn on_machine(&self, chain: &Chain) -> Option<Variant> {
+        let turning = turning(chain);
+        let parameters = self.parameters(chain, &Instance::default());
+        let of = turning.clone();
+        let variant = self.yielding(chain, parameters, turning, move |chain, pose| {
+            torques(chain, pose, &of)
+        })?;
+        Some(variant.nonnegative())
+    }
+
+    /// Masses that nobody declares: one at each turning axis beyond, and one at the ball. Each axis turns by its compliance
+    /// times the torque of each.
+    fn under_masses(&self, chain: &Chain) -> Option<Variant> {
+        let turning = turning(chain);
+        let name = |axis: usize| chain.axis(axis).name.as_str();
+        let pairs: Vec<(usize, Option<usize>)> = (0..turning.len())
+            .flat_map(|own| {
+                let beyond = turning[own + 1..].iter().copied().map(Some).chain([None]);
+                let own = turning[own];
+                beyond.map(move |other| (own, other))
+            })
+            .collect();
+        let parameters = pairs.iter().map(|&(own, other)| {
+            let name = format!("{} under {}", name(own), other.map_or("tool", name));
+            Parameter::new(name, "kg rad/(N m)", 1e-4)
+        });
+        let parameters = parameters.collect();
+        let axes = pairs.iter().map(|&(own, _)| own).collect();
+        self.yielding(chain, parameters, axes, move |chain, pose| {
+            unit_torques(chain, pose, &pairs)
+        })
+    }
+
+    /// An arm whose axes yield, each to one of the torques (N m, or their like) of a pose; `None` for another machine.
+    fn yielding(
+        &self,
+        chain: &Chain,
+        parameters: Vec<Parameter>,
+        axes: Vec<usize>,
+        torques: impl Fn(&Chain, &Pose) -> Vec<f64> + Send + Sync + 'static,
+    ) -> Option<Variant> {
         if !is_arm(chain) {
             return None;
         }
-        let turning = turning(chain);
-        let parameters = self.parameters(chain, &Instance::default());
-        let variant = Variant::linear(self.id(), parameters, move |rows| {
-            let of = |pose: &Pose| torques(&rows.chain, pose, &turning);
+        Some(Variant::linear(self.id(), parameters, move |rows| {
+            let of = |pose: &Pose| torques(&rows.chain, pose);
             let loads: Vec<Vec<f64>> = rows
                 .rows
                 .iter()
                 .map(|row| row.pose.as_ref().map(of).unwrap_or_default())
                 .collect();
-            let column = |number| yielding(rows, turning[number], &loads, number);
-            (0..turning.len()).map(column).collect()
-        });
-        Some(variant.nonnegative())
+            let columns = axes.iter().enumerate();
+            columns
+                .map(|(number, &axis)| yielding(rows, axis, &loads, number))
+                .collect()
+        }))
     }
+}
+
+/// A joint of the branch that carries the probe, in the frame of the foundation.
+struct Carrying {
+    /// Index in [`Chain::joints`].
+    joint: usize,
+    /// Where its axis is, m, and in which direction.
+    origin: Vector3<f64>,
+    direction: Vector3<f64>,
+    /// The frame behind its motion.
+    frame: Isometry3<f64>,
+}
+
+/// All joints that carry the probe, from the foundation outwards.
+fn carrying(chain: &Chain, pose: &Pose) -> Vec<Carrying> {
+    let mut frame = Isometry3::identity();
+    let one = |&index: &usize| {
+        let joint = &chain.joints()[index];
+        frame *= joint.origin;
+        let (origin, direction) = (
+            frame.translation.vector,
+            frame.rotation * joint.axis.into_inner(),
+        );
+        let axis = chain.axes().iter().position(|&moving| moving == index);
+        frame *= joint.motion(axis.map_or(0.0, |axis| pose.positions[axis]));
+        Carrying {
+            joint: index,
+            origin,
+            direction,
+            frame,
+        }
+    };
+    chain.branch(Side::Tool).iter().map(one).collect()
+}
+
+/// What each axis moves the ball sideways by, seen from above, m/rad: the lever of a weight at the ball.
+fn lever(pose: &Pose, axis: usize) -> f64 {
+    -pose.sensitivity.axes[axis].dot(&pose.sensitivity.foundation[2])
+}
+
+/// Torque about the first axis of some pairs of 1 kg at the other one, or at the ball, N m.
+fn unit_torques(chain: &Chain, pose: &Pose, pairs: &[(usize, Option<usize>)]) -> Vec<f64> {
+    let all = carrying(chain, pose);
+    let at = |axis: usize| all.iter().find(|one| one.joint == chain.axes()[axis]);
+    let torque = |&(own, other): &(usize, Option<usize>)| match other {
+        None => GRAVITY * lever(pose, own),
+        Some(other) => at(own).zip(at(other)).map_or(0.0, |(own, other)| {
+            -GRAVITY * own.direction.cross(&(other.origin - own.origin)).z
+        }),
+    };
+    pairs.iter().map(torque).collect()
 }
 
 /// Revolute axes that carry the probe.
@@ -125,39 +219,20 @@ fn has_masses(chain: &Chain) -> bool {
 
 /// Torque of the weights beyond each turning axis about it, N m; without masses the horizontal lever of the ball, m.
 fn torques(chain: &Chain, pose: &Pose, turning: &[usize]) -> Vec<f64> {
-    let mut frame = Isometry3::identity();
-    let mut axes: Vec<(usize, Vector3<f64>, Vector3<f64>)> = Vec::new();
-    let mut weights: Vec<(f64, Vector3<f64>)> = Vec::new();
-    for &index in chain.branch(Side::Tool) {
-        let joint = &chain.joints()[index];
-        frame *= joint.origin;
-        let axis = chain.axes().iter().position(|&moving| moving == index);
-        axes.push((
-            index,
-            frame.translation.vector,
-            frame.rotation * joint.axis.into_inner(),
-        ));
-        frame *= joint.motion(axis.map_or(0.0, |axis| pose.positions[axis]));
-        weights.push((
-            joint.mass,
-            (frame * Point3::from(joint.centre_of_mass)).coords,
-        ));
-    }
     if !has_masses(chain) {
-        let up: Vector3<f64> = pose.sensitivity.foundation[2];
-        let lever = |&axis: &usize| -pose.sensitivity.axes[axis].dot(&up);
-        return turning.iter().map(lever).collect();
+        return turning.iter().map(|&axis| lever(pose, axis)).collect();
     }
+    let all = carrying(chain, pose);
     let about = |&axis: &usize| {
-        let first = axes
-            .iter()
-            .position(|(index, _, _)| *index == chain.axes()[axis])
-            .unwrap_or(0);
-        let (_, origin, direction) = axes[first];
-        let pull = |(mass, centre): &(f64, Vector3<f64>)| {
-            -mass * GRAVITY * direction.cross(&(centre - origin)).z
+        let is_own = |one: &Carrying| one.joint == chain.axes()[axis];
+        let first = all.iter().position(is_own).unwrap_or(0);
+        let own = &all[first];
+        let pull = |one: &Carrying| {
+            let joint = &chain.joints()[one.joint];
+            let centre = (one.frame * Point3::from(joint.centre_of_mass)).coords;
+            -joint.mass * GRAVITY * own.direction.cross(&(centre - own.origin)).z
         };
-        weights[first..].iter().map(pull).sum()
+        all[first..].iter().map(pull).sum()
     };
     turning.iter().map(about).collect()
 }

@@ -123,18 +123,13 @@ fn of_axis(inertia: f64, axis: String, samples: &[Sample]) -> Option<Signals> {
     if samples.len() < FEWEST {
         return None;
     }
-    let mut steps: Vec<f64> = samples
-        .windows(2)
-        .map(|pair| pair[1].time - pair[0].time)
+    let instants: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
+    let step = usual_step(&instants);
+    let piece = pieces(&instants, step);
+    let time: Vec<f64> = instants
+        .iter()
+        .map(|instant| instant - instants[0])
         .collect();
-    steps.sort_by(f64::total_cmp);
-    let step = steps[steps.len() / 2];
-    let start = samples[0].time;
-    let time: Vec<f64> = samples.iter().map(|sample| sample.time - start).collect();
-    let mut piece = vec![0; samples.len()];
-    for index in 1..samples.len() {
-        piece[index] = piece[index - 1] + usize::from(time[index] - time[index - 1] > GAP * step);
-    }
     let all = |pick: &dyn Fn(&Sample) -> Option<f64>| -> Option<Vec<f64>> {
         samples.iter().map(pick).collect()
     };
@@ -197,6 +192,23 @@ fn of_axis(inertia: f64, axis: String, samples: &[Sample]) -> Option<Signals> {
     })
 }
 
+/// Usual step of instants in order of time, s.
+pub fn usual_step(instants: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = instants.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps[steps.len() / 2]
+}
+
+/// Number of the uninterrupted piece that each of some instants belongs to, s, whose usual step this is.
+pub fn pieces(instants: &[f64], step: f64) -> Vec<usize> {
+    let mut piece = vec![0; instants.len()];
+    for index in 1..instants.len() {
+        let is_gap = instants[index] - instants[index - 1] > GAP * step;
+        piece[index] = piece[index - 1] + usize::from(is_gap);
+    }
+    piece
+}
+
 /// A low-pass and what noise it leaves.
 struct Smoothing {
     width: f64,
@@ -246,7 +258,7 @@ impl Smoothing {
 }
 
 /// Standard deviation of white noise under a smooth signal, from fifth differences; 0 for too few samples.
-fn noise(values: &[f64]) -> f64 {
+pub fn noise(values: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = values
         .windows(6)
         .map(|w| (w[5] - 5.0 * w[4] + 10.0 * w[3] - 10.0 * w[2] + 5.0 * w[1] - w[0]).abs())
@@ -288,7 +300,7 @@ fn differenced(kernel: &[f64]) -> Vec<f64> {
 
 /// Zero-phase Gaussian low-pass inside pieces. Near an end it fits a straight line under its weights, so that a moving
 /// axis is not held back there.
-fn smoothed(values: &[f64], piece: &[usize], samples: f64) -> Vec<f64> {
+pub fn smoothed(values: &[f64], piece: &[usize], samples: f64) -> Vec<f64> {
     if samples <= 0.0 || values.is_empty() {
         return values.to_vec();
     }

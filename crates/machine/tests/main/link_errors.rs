@@ -1,7 +1,5 @@
 //! Link errors by name, their compensation (D.2) and the swivel head (E.4) against forms written out by hand.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use machine::{Chain, ChainErrors, HEAD_AXES, LinkError, SwivelHead, Volumetric};
 use nalgebra::{Isometry3, Matrix4, Point3, Rotation3, Unit, Vector3, Vector4};
 
@@ -43,18 +41,7 @@ fn turned(p: &Vector3<f64>, b: f64, c: f64) -> Vector3<f64> {
 
 /// D.2: tool minus feature in the tool frame, times the errors of E1.
 fn closed_form(r: &Vector3<f64>, b: f64) -> Vector3<f64> {
-    let (s, k) = b.sin_cos();
-    let columns = [
-        Vector3::new(0.0, r.z, -r.y),
-        Vector3::new(r.y, -r.x, 0.0),
-        Vector3::new(-k, 0.0, s),
-        Vector3::new(-s * r.y, s * r.x + k * r.z, -k * r.y),
-        Vector3::new(-r.z, 0.0, r.x),
-        Vector3::new(r.z, 0.0, 0.0),
-        Vector3::new(0.0, 0.0, r.y),
-        Vector3::new(-r.y, 0.0, 0.0),
-    ];
-    columns
+    crate::five_axis::closed_form(*r, b)
         .iter()
         .zip(E1)
         .map(|(column, (_, size))| column * size)

@@ -10,7 +10,10 @@ fn deviations_agree_with_numpy_to_a_nanometre() {
     if bags.is_empty() {
         return;
     }
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/nominal_deviation.py");
+    let script = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/tests/main/nominal_deviation.py"
+    );
     let Some(python) = shared_data::python("numpy, mcap_ros2") else {
         return;
     };

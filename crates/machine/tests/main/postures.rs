@@ -1,13 +1,11 @@
 //! Inverse kinematics of arms: closed forms against the forward chain, and against each other's search.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use machine::{Chain, Target};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 /// Universal Robots' family, with a bracket and a spindle across the flange.
-const THREE_PARALLEL: &str = include_str!("../../../launch-scripts/robot_arm.urdf");
-const TURNTABLE: &str = include_str!("../../../launch-scripts/robot_arm_turntable.urdf");
+const THREE_PARALLEL: &str = include_str!("../../../../launch-scripts/robot_arm.urdf");
+const TURNTABLE: &str = include_str!("../../../../launch-scripts/robot_arm_turntable.urdf");
 
 /// An arm with a spherical wrist from its dimensions: the proportions of a KUKA KR 60-3 (A1 350/815 mm, upper arm 850, forearm
 /// 145 and 820, flange 170), with A1 and A4 to A6 as a real one has them.
@@ -241,7 +239,7 @@ fn what_is_out_of_reach_or_no_arm_has_no_posture() {
         arm.postures((&far, &up), &[None; 6], &[0.0; 6], &pose, &BALL)
             .is_empty()
     );
-    let mill = chain(include_str!("../../../launch-scripts/three_axis.urdf"));
+    let mill = chain(include_str!("../../../../launch-scripts/three_axis.urdf"));
     let here = Point3::new(0.0, 0.0, 0.1);
     let found = mill.postures((&here, &up), &[None; 3], &[0.0; 3], &pose, &BALL);
     assert!(found.is_empty());

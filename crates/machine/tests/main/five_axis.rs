@@ -1,7 +1,5 @@
 //! The chain against `docs/source_systems.md, D`: closed-form Jacobian (D.2) and sensitivity table (D.3).
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use machine::{Chain, ChainErrors, Side, Target};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
@@ -43,7 +41,7 @@ fn pose(chain: &Chain, p: Vector3<f64>, b: f64, c: f64) -> (Vec<f64>, Vector3<f6
 }
 
 /// D.2, tool frame, tool minus feature.
-fn closed_form(r: Vector3<f64>, b: f64) -> [Vector3<f64>; 8] {
+pub(crate) fn closed_form(r: Vector3<f64>, b: f64) -> [Vector3<f64>; 8] {
     let (s, k) = b.sin_cos();
     [
         Vector3::new(0.0, r.z, -r.y),

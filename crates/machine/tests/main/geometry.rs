@@ -1,6 +1,5 @@
 //! The model of distances against an independent walk along moves in small steps, which asks for points on the skin of
 //! the stylus whether they lie inside a body: it knows no distances and no halving, so it shares no mistake with it.
-#![allow(clippy::unwrap_used, reason = "a test stops at what should not happen")]
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
@@ -197,9 +196,12 @@ fn two_methods_agree_on_random_legs() {
 const MACHINE: &str = r#"<robot name="xyz"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
 <link name="a"/><link name="b"/>
 <joint name="f" type="fixed"><parent link="foundation"/><child link="workpiece"/></joint>
-<joint name="X" type="prismatic"><parent link="foundation"/><child link="a"/><axis xyz="1 0 0"/></joint>
-<joint name="Y" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint>
-<joint name="Z" type="prismatic"><parent link="b"/><child link="probe_mount"/><axis xyz="0 0 1"/></joint></robot>"#;
+<joint name="X" type="prismatic"><parent link="foundation"/><child link="a"/><axis xyz="1 0 0"/>
+  <limit lower="-1" upper="1" effort="0" velocity="0.5"/></joint>
+<joint name="Y" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
+  <limit lower="-1" upper="1" effort="0" velocity="0.5"/></joint>
+<joint name="Z" type="prismatic"><parent link="b"/><child link="probe_mount"/><axis xyz="0 0 1"/>
+  <limit lower="-1" upper="1" effort="0" velocity="0.5"/></joint></robot>"#;
 
 /// A plate with a flank, a boss of 15 mm radius and 30 mm height, a bore of 12 mm radius, and a ball.
 fn plan() -> InspectionPlan {

@@ -1,5 +1,4 @@
 //! Times of profiles against textbook formulas and numerical integration.
-#![allow(clippy::unwrap_used, reason = "a test stops at what should not happen")]
 
 use std::f64::consts::PI;
 

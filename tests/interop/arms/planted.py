@@ -1,0 +1,141 @@
+"""Arms in motion with one planted cause each: the main cause is found, and nothing innocent is named.
+
+    planted.py PROGRAM [SESSIONS [SEED [FOLDER]]]
+
+SESSIONS of each cause; FOLDER keeps the recordings. The plant (plant.py) shares nothing with the program.
+"""
+
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+
+import plant
+import robots
+
+INNOCENT = 0.05  # of the gap, closed by what is not there
+# Least shares: main cause found, no innocent beside it, nothing named where nothing is.
+FOUND, CLEAN, QUIET = 0.9, 0.9, 0.9
+
+
+def closes(effect):
+    return effect["rms_before"] - effect["rms_after"]
+
+
+def judged(draw, report):
+    """What a report says of a session whose cause is known."""
+    planted = plant.IDENTIFIERS[draw.cause]
+    gap = report["gap"]["rms"]
+    effects = report["effects"]
+    main = max(effects, key=closes, default=None)
+    if main is None or not planted:
+        found = not planted and not effects
+    else:
+        group = {main["effect"], *main.get("group", []), *main["indistinguishable_from"]}
+        found = bool(planted & group) and closes(main) > 0
+    innocents = [
+        effect["effect"]
+        for effect in effects
+        if closes(effect) > INNOCENT * gap and not planted & {effect["effect"], *effect.get("group", [])}
+    ]
+    held = []
+    for effect in effects:
+        if effect["effect"] in planted:
+            for parameter in effect["parameters"]:
+                if parameter["name"] in draw.truth:
+                    low, high = parameter["ci95"]
+                    held.append((parameter["name"], draw.truth[parameter["name"]], low, high))
+    left = effects[-1]["rms_after"] if effects else gap
+    return {
+        "found": found,
+        "innocents": innocents,
+        "left": left,
+        "floor": report["gap"]["noise_floor"],
+        "verdict": report["verdict"],
+        "named": [(one["effect"], round(one["rms_before"] / gap, 3), round(one["rms_after"] / gap, 3)) for one in effects],
+        "held": held,
+    }
+
+
+def diagnosed(program, folder, ending=".mcap"):
+    begun = time.monotonic()
+    command = [program, "diagnose", "--fit", str(folder / f"fit{ending}"), "--withhold", str(folder / f"held{ending}"), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise SystemExit(f"{' '.join(command)}: {done.stderr.strip()}")
+    return json.loads(done.stdout), time.monotonic() - begun
+
+
+def imported(program, folder, draw):
+    """The report of the same motions, imported with the description as the package ships it."""
+    file, flange, _ = plant.ARMS[draw.arm]
+    for name in ("fit", "held"):
+        command = [program, "import", "motion", str(folder / f"{name}.mcap"), "--out", str(folder / f"{name}_imported")]
+        command += ["--joint-states", "/cell/joint_states", "--urdf", str(robots.folder() / file), "--mount", flange]
+        if draw.cause in plant.MOTION:
+            command += ["--commands", "/cell/joint_commands"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return diagnosed(program, folder, "_imported")[0]
+
+
+def figures(report):
+    return [report["verdict"], *((one["effect"], f"{one['rms_before']:.5e}", f"{one['rms_after']:.5e}") for one in report["effects"])]
+
+
+def table(results):
+    print(f"{'cause':10} {'drawn':>5} {'found':>5} {'innocent':>8} {'left/noise':>10} {'left/rest':>9} {'in 95 %':>13} {'s':>5}")
+    for cause in (*plant.EFFORT, *plant.MOTION):
+        own = [result for result in results if result["cause"] == cause]
+        if not own:
+            continue
+        held = [low <= truth <= high for result in own for _, truth, low, high in result["held"]]
+        print(
+            f"{cause:10} {len(own):5} {sum(one['found'] for one in own):5} {sum(bool(one['innocents']) for one in own):8}"
+            f" {np.median([one['left'] / max(one['floor'], 1e-12) for one in own]):10.2f}"
+            f" {np.median([one['left'] / one['remainder'] for one in own]):9.2f}"
+            f" {f'{sum(held)} of {len(held)}':>13} {np.median([one['seconds'] for one in own]):5.2f}",
+            flush=True,
+        )
+
+
+def main(program, sessions=1, seed=0, keep=None, causes=None):
+    results = []
+    # A short run has short motions.
+    seconds = (20, 40) if sessions > 1 else (10, 12)
+    with tempfile.TemporaryDirectory() as work:
+        for number in range(sessions):
+            for place, cause in enumerate((*plant.EFFORT, *plant.MOTION)):
+                if causes and cause not in causes:
+                    continue
+                folder = pathlib.Path(keep or work) / f"{cause}_{seed}_{number}"
+                folder.mkdir(parents=True, exist_ok=True)
+                draw = plant.session(cause, (seed, number, place), folder, seconds)
+                report, taken = diagnosed(program, folder)
+                if number == 0:
+                    assert figures(imported(program, folder, draw)) == figures(report), f"{folder.name}: imported, it says something else"
+                result = judged(draw, report)
+                result |= {"cause": cause, "seconds": taken, "remainder": draw.remainder}
+                results.append(result)
+                if not result["found"] or result["innocents"] or keep:
+                    print(
+                        f"{'ok ' if result['found'] and not result['innocents'] else 'BAD'} {folder.name}: {draw.arm},"
+                        f" {len(draw.moved)} joints at {draw.rate:.0f} Hz, {draw.gap:.1f} times the remainder{draw.note};"
+                        f" {result['verdict']}, {result['named']}",
+                        flush=True,
+                    )
+    table(results)
+    caused = [one for one in results if plant.IDENTIFIERS[one["cause"]]]
+    quiet = [one for one in results if not plant.IDENTIFIERS[one["cause"]]]
+    found = np.mean([one["found"] for one in caused]) if caused else 1.0
+    clean = np.mean([not one["innocents"] for one in caused]) if caused else 1.0
+    still = np.mean([one["found"] for one in quiet]) if quiet else 1.0
+    print(f"main cause {found:.1%}, without innocents {clean:.1%}, nothing named where nothing is {still:.1%}")
+    assert found >= FOUND and clean >= CLEAN and still >= QUIET, "the diagnosis of arms in motion is worse than it was"
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], *map(int, sys.argv[2:4]), *sys.argv[4:5], causes=sys.argv[5:] or None)
