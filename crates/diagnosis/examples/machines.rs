@@ -11,7 +11,7 @@ use diagnosis::{Options, Report, Verdict, diagnose, diagnose_together_with_resid
 use layouts::sealed::{Class, Sealed, draw, seed_in_set};
 use layouts::{groups, left, names};
 
-#[path = "../tests/layouts/mod.rs"]
+#[path = "../tests/main/layouts/mod.rs"]
 mod layouts;
 
 /// A name this probable counts as sure.

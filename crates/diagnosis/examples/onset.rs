@@ -10,7 +10,7 @@ use diagnosis::{Options, Session};
 use metrology::statistics::{chi_squared_quantile, rms};
 use streams::{Numbers, Scatter, part, touches};
 
-#[path = "../tests/streams/mod.rs"]
+#[path = "../tests/main/streams.rs"]
 mod streams;
 
 /// Parts of a stream.

@@ -19,7 +19,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::iter;
 use std::rc::Rc;
 
-use effects::discrepancy::{depends_on, grid};
+use effects::discrepancy::depends_on;
 use effects::observation::Observations;
 use inference::candidate::Candidate;
 use inference::columns::{Rows, matrix_of};
@@ -209,7 +209,6 @@ fn extend_best(pool: &mut CandidatePool<'_>, scored: &mut Vec<ScoredSet>) {
 fn finish(mut pool: CandidatePool<'_>, scored: &[ScoredSet]) -> ModelPosterior {
     let white = pool.lag1_correlation == 0.0;
     let mut discrepancies = unknown_to(&pool, &pool.shapes.discrepancies(pool.active));
-    discrepancies.extend(grid(pool.shapes.observations, pool.active).map(Rc::new));
     if !white {
         let rows = pool.rows();
         for discrepancy in &mut discrepancies {

@@ -19,6 +19,7 @@ use metrology::statistics::{chi_squared_quantile, rms};
 
 use crate::attribution::candidate_pool::Shapes;
 use crate::drives::diagnose_drives_with_residuals;
+use crate::families::better_of;
 use crate::joint::diagnose_together_with_residuals;
 use crate::nonnegativity::ExcludedParameters;
 use crate::options::Options;
@@ -145,14 +146,21 @@ fn report_part(
     (next, covered): (ProposalOptions, f64),
 ) -> (Report, TouchResiduals) {
     let shapes = Shapes::new(observations, variants);
-    Reporter {
+    let explained = explain(&shapes);
+    let reporter = Reporter {
         session,
         next,
         observations,
         variants,
         shapes: &shapes,
-        explained: &explain(&shapes),
+        explained: &explained,
         covered,
+    };
+    let (set, report, touches) = reporter.report();
+    // What the uncertainty of a reference covers is no remainder.
+    if covered > 0.0 {
+        return (report, touches);
     }
-    .report()
+    let first = (&explained.attribution, set.as_slice());
+    better_of(session, observations, variants, first, (report, touches))
 }

@@ -9,18 +9,20 @@
 mod cross_validation;
 mod regression;
 
-use cross_validation::{HeldOut, better, interval};
+use cross_validation::HeldOut;
 use effects::drive::{
     Channel, DriveEffect, Signals, difference, library, nominal_inertia, signals,
 };
 use effects::session::{Session, SessionError};
-use machine::{Chain, JointKind, Side};
+use machine::{Chain, JointKind};
 use metrology::statistics::{coverage_factor, rms};
 use regression::UncertainFit;
 
+use crate::arm::UNIT_MASS;
+use crate::blocks::{better, interval};
 use crate::report::residuals::{DriveResiduals, Residuals, axis_of};
 use crate::report::{
-    Effect, Gap, ParameterEstimate, Place, Rejected, Report, SCHEMA, Unexplained, Verdict,
+    Effect, Gap, Level, ParameterEstimate, Place, Rejected, Report, SCHEMA, Unexplained, Verdict,
 };
 
 /// An effect must shrink the held-out rms at least by this share.
@@ -47,8 +49,6 @@ const QUIET: f64 = 1.4;
 const MOST: usize = 5;
 /// Least number of independent samples of an axis.
 const MIN_INDEPENDENT: f64 = 4.0;
-/// Mass of every link of a robot description that states efforts per unit of inertia, kg: such efforts have no SI unit.
-const UNIT_MASS: f64 = 1.0;
 /// Fewest samples of an axis.
 const FEWEST: usize = 50;
 
@@ -81,6 +81,11 @@ pub(crate) fn diagnose_drives_with_residuals(
                 other.name.clone(),
             ));
         }
+    }
+    if crate::arm::is_arm(&chain)
+        && let Some(found) = crate::arm::diagnose(fit, withheld, &chain)?
+    {
+        return Ok(found);
     }
     let mut channel = channel(&chain, first);
     let of = |channel: Channel| -> Vec<Vec<Axis>> {
@@ -141,10 +146,7 @@ fn unit(chain: &Chain, channel: Channel) -> String {
 
 /// Effort for independent axes that have one, motion for arms and where nothing else is recorded.
 fn channel(chain: &Chain, session: &Session) -> Channel {
-    let coupled = [Side::Part, Side::Tool].into_iter().any(|side| {
-        let turning = |&&index: &&usize| chain.joints()[index].kind == JointKind::Revolute;
-        chain.branch(side).iter().filter(turning).count() > 1
-    });
+    let coupled = crate::arm::is_arm(chain);
     let effort = session
         .joint_states
         .iter()
@@ -532,6 +534,7 @@ impl Drives {
                 .map(|axis| axis.centred.len())
                 .sum(),
             verdict,
+            level: Level::default(),
             channel: match self.channel {
                 Channel::Motion => "motion".to_owned(),
                 Channel::Effort => "effort".to_owned(),

@@ -13,6 +13,7 @@
 //!
 //!   several sessions of touches:  joint   (blocks, forward selection, cross-validation)  -> Report
 //!   sessions of drives:           drives  (regression over time, cross-validation)       -> Report
+//!   arms in motion:               arm     (dynamics of the whole tree, servos simulated)  -> Report
 //!   time of the moves:            time     (measured less promised durations, limits of the motion model)  -> Report
 //!   part measured by a reference: referenced  (reading less reference, reference less plan, each diagnosed)
 //! ```
@@ -39,9 +40,12 @@
 //! );
 //! ```
 
+mod arm;
 pub mod attribution;
+mod blocks;
 pub mod diagnose;
 pub mod drives;
+mod families;
 pub mod joint;
 mod nonnegativity;
 pub mod onset;

@@ -33,6 +33,23 @@ pub enum Verdict {
     Unexplained,
 }
 
+/// What a person may conclude.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Level {
+    /// Nothing beyond the noise.
+    NoGap,
+    /// The named effects are the cause, each alone or as one of its group.
+    Cause,
+    /// The named effects close most of the gap on samples that were not used to fit; a remainder is left.
+    MainCause,
+    /// A small part of the gap follows the named effects: no reason to go to the machine.
+    Pattern,
+    /// No known effect accounts for the gap.
+    #[default]
+    Unknown,
+}
+
 /// A diagnosis, schema [`SCHEMA`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
@@ -56,6 +73,9 @@ pub struct Report {
     pub samples: usize,
     /// The verdict.
     pub verdict: Verdict,
+    /// What a person may conclude from it.
+    #[serde(default)]
+    pub level: Level,
     /// What was judged: `touch`, of drives `effort` or `motion`, of the moves between touches `time`.
     #[serde(default = "touches")]
     pub channel: String,
@@ -247,6 +267,14 @@ pub struct Effect {
     /// The same for each session of the cross-validation, where there are several.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub sessions: Vec<SessionGap>,
+}
+
+impl Effect {
+    /// True for a family of effects that act together: its parameters have the names of their effects.
+    pub fn is_family(&self) -> bool {
+        let first = self.parameters.first();
+        first.is_some_and(|one| effects::registry::find(&one.name).is_some())
+    }
 }
 
 /// An effect that could substitute another.

@@ -8,23 +8,22 @@
 mod covariate;
 mod kernels;
 mod localised;
+mod remainders;
 mod scatter;
 mod switching;
 
 pub use localised::{Displacement, Localised};
 pub use switching::switching;
 
-use machine::{Chain, JointKind};
+use machine::Chain;
 
 use inference::discrepancy::{Covariate, Discrepancy, Kind, leading_columns};
 
 use crate::effect::Coordinate;
-use crate::observation::{Observations, Pose};
+use crate::observation::Observations;
 use crate::registry::{acts_on, find};
 
-use kernels::{
-    Kernel, direction, displacement_along_axis, feature, index, pairwise, pose, region, time,
-};
+use kernels::{Kernel, direction, displacement_along_axis, feature, index, region, time};
 
 /// Largest rank of a process.
 const MAX_DIRECTIONS: usize = 48;
@@ -34,17 +33,12 @@ const MAX_OVER_PART: usize = 144;
 const ROWS_FOR_EACH: usize = 8;
 /// Rows times the square of the directions over the part at most, which is what they cost, unless these are the usual ones.
 const COST: f64 = 2.7e7;
-/// Largest rank of the rounding on a grid.
-const MAX_CELLS: usize = 128;
 /// Smallest rank of a process: below, it is an effect by another name.
 const FEWEST_DIRECTIONS: usize = 3;
 /// Log prior odds of scatter on one feature against a smooth discrepancy: outliers look alike.
 const SCATTER: f64 = -5.0;
 /// Prior probability of heteroscedastic touch noise.
 const UNEVEN: f64 = 0.01;
-
-/// A grid finer than this is what controllers usually read on, m.
-const FINE: f64 = 5e-7;
 
 /// True for an effect that depends on a covariate alone: what it can do needs no discrepancy over it.
 pub fn depends_on(effect: &str, covariate: Covariate) -> bool {
@@ -114,55 +108,16 @@ pub fn discrepancies(observations: &Observations, active: &[bool]) -> Vec<Discre
     discrepancies
 }
 
-/// Discrepancies over time within each session: times of different sessions have nothing in common. `session` of each row.
-pub fn within_sessions(
-    observations: &Observations,
-    active: &[bool],
-    session: &[usize],
-) -> Vec<Discrepancy> {
-    let kernels = time(observations);
-    let log_prior = -(kernels.len().max(1) as f64).ln();
-    let made = kernels.into_iter().filter_map(|kernel| {
-        let own: Kernel<'_> = Box::new(move |rows, with, column| {
-            let first = column.len();
-            kernel(rows, with, column);
-            for (value, &row) in column[first..].iter_mut().zip(rows) {
-                if session[row] != session[with] {
-                    *value = 0.0;
-                }
-            }
-        });
-        factor(observations, active, &own, Kind::Time, log_prior)
-    });
-    made.collect()
-}
-
-/// The rounding of positions read on a coarse grid: every touch in the same cell of an axis errs alike.
-pub fn grid(observations: &Observations, active: &[bool]) -> Option<Discrepancy> {
-    let step = observations.grid.filter(|&step| step > FINE)?;
-    let rows = &observations.rows;
-    let moving: Vec<usize> = (0..observations.chain.axes().len())
-        .filter(|axis| {
-            observations.chain.axis(*axis).kind == JointKind::Prismatic
-                && !observations.prescribed.contains(axis)
+/// What is small beside every known cause: the columns of each over all rows, weighted.
+pub fn remainders(observations: &Observations) -> Vec<Vec<Vec<f64>>> {
+    let all = vec![true; observations.rows.len()];
+    let kernels = remainders::kernels(observations).into_iter();
+    kernels
+        .filter_map(|(kind, kernel)| {
+            let process = factor(observations, &all, &kernel, kind, 0.0)?;
+            process.columns()
         })
-        .collect();
-    let cell = |pose: &Pose, axis: usize| (pose.latched[axis] / step).round() as i64;
-    let kernel = pairwise(|i, j| {
-        let (Some(one), Some(other)) = (pose(&rows[i]), pose(&rows[j])) else {
-            return 0.0;
-        };
-        let alike = moving
-            .iter()
-            .filter(|&&axis| cell(one, axis) == cell(other, axis));
-        alike
-            .map(|&axis| {
-                rows[i].normal.dot(&one.sensitivity.axes[axis])
-                    * rows[j].normal.dot(&other.sensitivity.axes[axis])
-            })
-            .sum()
-    });
-    factor(observations, active, &kernel, Kind::Grid, 0.0)
+        .collect()
 }
 
 /// Something of its own at each row, of these variances; `None` where it is nothing.
@@ -203,7 +158,6 @@ fn factor(
         *own *= weight * weight;
     }
     let most = match kind {
-        Kind::Grid => MAX_CELLS.min(rows),
         Kind::Region => {
             let affordable = (COST / rows as f64).sqrt() as usize;
             let many = (rows / ROWS_FOR_EACH).min(affordable);

@@ -11,9 +11,13 @@ pub mod columns;
 mod compliance;
 mod coulomb_friction;
 mod delay;
+mod droop;
+mod effort_gain;
 mod friction_offset;
 mod gravity;
 mod inertia;
+mod link_inertia;
+mod payload;
 pub mod signals;
 mod stribeck;
 mod viscous_friction;
@@ -38,6 +42,10 @@ pub const ALL: &[&dyn Effect] = &[
     &backlash::Backlash,
     &compliance::Compliance,
     &cogging::Cogging,
+    &payload::Payload,
+    &link_inertia::LinkInertia,
+    &effort_gain::EffortGain,
+    &droop::Droop,
 ];
 
 /// What an effect of a drive acts on.

@@ -17,6 +17,12 @@ use crate::session::{self, Session, SessionError, seconds};
 
 /// Fewest touches that are diagnosed.
 const FEWEST: usize = 6;
+/// An axis reads a surface whose normal it is along by more than this cosine; its position is the deviation where their squared
+/// correlation is more than this.
+const ALONG: f64 = 0.7;
+const READING: f64 = 0.998;
+/// And where its slope is one to within this.
+const SLOPE: f64 = 0.1;
 /// A rounding whose errors would be larger than the gap by this factor is none: the axes stand on a grid of targets.
 const CHANCE: f64 = 1.2;
 /// Speeds of approach closer than this are equal, m/s.
@@ -307,8 +313,11 @@ impl Observations {
         }
     }
 
-    /// Range of an axis (by index in [`Chain::axes`]) over the touches.
+    /// Range of an axis (by index in [`Chain::axes`]) over the touches; a point for one whose position is the deviation.
     pub fn travel(&self, axis: usize) -> (f64, f64) {
+        if self.reads_deviation(axis) {
+            return (0.0, 0.0);
+        }
         let positions = self
             .rows
             .iter()
@@ -317,6 +326,33 @@ impl Observations {
         positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
             (low.min(at), high.max(at))
         })
+    }
+
+    /// True for an axis whose position is the deviation itself: an instrument that only it moves reads the surface with it. What
+    /// is proportional to its position then says nothing of a cause.
+    pub fn reads_deviation(&self, axis: usize) -> bool {
+        let seen = self.rows.iter().zip(&self.deviations);
+        let pairs: Vec<(f64, f64)> = seen
+            .filter_map(|(row, deviation)| {
+                let pose = row.pose.as_ref()?;
+                let along = row.normal.dot(&pose.sensitivity.axes[axis]);
+                (along.abs() > ALONG).then(|| (pose.positions[axis] * along, *deviation))
+            })
+            .collect();
+        let count = pairs.len() as f64;
+        if pairs.len() < FEWEST {
+            return false;
+        }
+        let mean = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / count;
+        let (x, y) = (mean(|pair| pair.0), mean(|pair| pair.1));
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for pair in &pairs {
+            let (a, b) = (pair.0 - x, pair.1 - y);
+            (xx, xy, yy) = (xx + a * a, xy + a * b, yy + b * b);
+        }
+        // A scale error is proportional to the position too, by far less than one.
+        let alike = xy * xy > READING * xx * yy && (xy - xx).abs() < SLOPE * xx;
+        alike && xx > 0.0
     }
 
     /// Time of the last touch, s from the start of the session.

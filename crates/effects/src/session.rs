@@ -120,6 +120,11 @@ pub enum SessionError {
         "no axis of the drive session has enough samples of its effort, or of its commands and motion"
     )]
     NoEffort,
+    /// Efforts without a sign.
+    #[error(
+        "the effort of joint `{0}` never changes its sign although that of its weight does: it is a magnitude, which cannot be compared with a model"
+    )]
+    Magnitude(String),
     /// Drive effects that cannot be fitted.
     #[error("axis `{axis}`: its drive effects cannot be fitted: {singular}")]
     Singular {

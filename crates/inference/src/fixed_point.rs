@@ -3,8 +3,7 @@
 //! Model: y ~ N(0, σ²(I + Σ_j v_j Q_j Q_jᵀ)). At given prior variances v_j the coefficients have the posterior mean μ and
 //! the covariance σ²Σ of a ridge; the evidence is stationary where v_j is the mean of μ²/σ² + Σ_ii over block j
 //! (MacKay 1992, Bayesian interpolation, 4.2; Tipping 2001, sparse Bayesian learning, for a variance per coefficient).
-//! The noise variance σ² = (yᵀy − bᵀμ + ε²)/(n + 1) is the mode under a prior 1/σ². Both engines iterate here:
-//! [`crate::evidence`] for millions of small sets, [`crate::gram`] for hundreds of columns with unpenalised ones.
+//! The noise variance σ² = (yᵀy − bᵀμ + ε²)/(n + 1) is the mode under a prior 1/σ².
 
 use std::ops::Range;
 

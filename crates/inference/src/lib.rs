@@ -3,7 +3,7 @@
 //! ```text
 //!   y, columns of every candidate        candidate    orthonormal block of a family of columns at one shape
 //!            |                           columns      inner products over the rows in use, whitened for AR(1) noise
-//!            v                           evidence     log evidence of a set;  gram: the same for hundreds of columns
+//!            v                           evidence     log evidence of a set;  relevance: sizes of families beside remainders
 //!   log evidence of a set of candidates  fixed_point  prior variances by MacKay's iteration, for both
 //!            |                           evidence_gain  cheap estimate of the evidence with one more candidate
 //!            v
@@ -50,13 +50,13 @@ pub mod evidence;
 pub mod evidence_gain;
 pub mod fixed_point;
 pub mod golden_section;
-pub mod gram;
 pub mod least_squares;
 pub mod linear;
 pub mod markov;
 pub mod onset;
 pub mod outliers;
 pub mod posterior;
+pub mod relevance;
 pub mod robust;
 pub mod scan;
 pub mod search;

@@ -57,9 +57,7 @@ impl ModelPosterior {
 
     /// True where a model needs a cause outside the vocabulary.
     pub fn is_unknown(&self, model: &Model) -> bool {
-        (model.discrepancy).is_some_and(|(index, _)| {
-            !matches!(self.discrepancies[index].kind, Kind::Grid | Kind::Noise)
-        })
+        (model.discrepancy).is_some_and(|(index, _)| self.discrepancies[index].kind != Kind::Noise)
     }
 
     /// Posterior mean of the discrepancy of a model at all rows, zero where they are not in use; `None` without one.

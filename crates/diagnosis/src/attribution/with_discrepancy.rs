@@ -444,8 +444,6 @@ pub(super) fn powers(discrepancy: &Discrepancy) -> &'static [f64] {
 /// Log prior of a discrepancy at one of the tried variances.
 fn log_prior_with(discrepancy: &Discrepancy) -> f64 {
     let prior = match discrepancy.kind {
-        // The readings themselves show the grid.
-        Kind::Grid => 0.5_f64.ln(),
         Kind::Noise => discrepancy.log_prior,
         _ => discrepancy.log_prior + UNKNOWN.ln(),
     };

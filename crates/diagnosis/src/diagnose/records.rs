@@ -2,49 +2,46 @@
 
 use effects::clock_check;
 use effects::record::{clock_offset, outliers, quantisation};
-use inference::discrepancy::Kind;
-use inference::posterior::Model;
 
 use super::explain::residuals;
 use super::reporter::{Reporter, rms};
 use crate::attribution::parameters::NORMAL_COVERAGE;
 use crate::report::{Effect, ParameterEstimate};
 
-/// A grid is named when it makes at least this share of the noise variance.
-const GRID_SHARE: f64 = 0.2;
-/// And at most this multiple of it: more would show.
-const GRID_MOST: f64 = 1.5;
+/// Share of the variance of the noise from which on rounding is the largest part of it, and the largest share that a
+/// rounding can have in a noise that is estimated from few touches.
+const LARGEST_PART: f64 = 0.5;
+const MOST: f64 = 1.5;
 
 impl Reporter<'_> {
-    /// Names a coarse grid; gives the standard deviation of its rounding within the noise, m.
-    pub(super) fn grid(&self, best: &Model, noise: f64, effects: &mut Vec<Effect>) -> f64 {
+    /// True where the rounding of the readings makes as large a gap as there is (m).
+    pub(super) fn is_rounding(&self, gap: f64) -> bool {
+        let step = self.observations.grid;
+        step.is_some_and(|step| gap * gap < MOST * step * step / 12.0)
+    }
+
+    /// Names a coarse resolution where it is the largest part of the noise; gives the standard deviation of its rounding
+    /// within the noise, m. Rounding is noise: step/√12 (GUM F.2.2.1), independent from touch to touch.
+    pub(super) fn resolution(&self, noise: f64, effects: &mut Vec<Effect>) -> f64 {
         let Some(step) = self.observations.grid else {
             return 0.0;
         };
-        // A rounding that depends on the cell stands apart from the noise already.
-        let apart = self.kind_of(best) == Some(&Kind::Grid);
         let rounding = step / 12.0_f64.sqrt();
         let share = (rounding / noise.max(f64::MIN_POSITIVE)).powi(2);
-        if !apart && !(GRID_SHARE..GRID_MOST).contains(&share) {
+        if !(LARGEST_PART..MOST).contains(&share) {
             return 0.0;
         }
-        let before = if apart { noise.hypot(rounding) } else { noise };
-        effects.push(plain(
-            quantisation::ID,
-            1.0,
-            vec![fixed("step", step, "m", 0.0)],
-            before,
-            noise,
-        ));
-        if apart { 0.0 } else { rounding }
+        let parameters = vec![fixed("step", step, "m", 0.0)];
+        effects.push(plain(quantisation::ID, 1.0, parameters, noise, noise));
+        rounding.min(noise)
     }
 
     /// Names what the records themselves show: outliers, clock offsets.
     ///
-    /// Beside an unknown cause an outlier may be a part of it: then it is only rejected.
-    pub(super) fn records(&self, noise: f64, beside_unknown: bool, effects: &mut Vec<Effect>) {
+    /// Beside an unknown cause, or what is rounding alone, an outlier may be a part of it: then it is only rejected.
+    pub(super) fn records(&self, noise: f64, beside_other: bool, effects: &mut Vec<Effect>) {
         let outliers = &self.explained.rejected;
-        if !outliers.is_empty() && !beside_unknown {
+        if !outliers.is_empty() && !beside_other {
             let residuals = residuals(
                 &self.explained.attribution,
                 &self.explained.attribution.models[0],

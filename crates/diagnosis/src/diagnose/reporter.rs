@@ -22,8 +22,8 @@ use crate::attribution::candidate_pool::Shapes;
 use crate::attribution::unsupported::unsupported_effects;
 use crate::report::residuals::{self, TouchResiduals};
 use crate::report::{
-    Effect, Gap, Machine, NextMeasurement, Noise, Rejected, Report, SCHEMA, Unexplained, Verdict,
-    declared, localisation, noise,
+    Effect, Gap, Level, Machine, NextMeasurement, Noise, Rejected, Report, SCHEMA, Unexplained,
+    Verdict, declared, localisation, noise,
 };
 
 /// An unknown cause is reported only when it is this probable: the signatures are not exact either.
@@ -59,15 +59,19 @@ pub(super) struct Reporter<'a> {
 }
 
 impl Reporter<'_> {
-    /// The report, and the residuals of every touch.
-    pub(super) fn report(&self) -> (Report, TouchResiduals) {
+    /// The candidates that are named, the report, and the residuals of every touch.
+    pub(super) fn report(&self) -> (Vec<usize>, Report, TouchResiduals) {
         let attribution = &self.explained.attribution;
         let unknown: f64 = (0..attribution.models.len())
             .filter(|&model| self.is_unknown(model))
             .map(|model| attribution.models[model].probability)
             .sum();
-        let beside_unknown = unknown > self.least_unknown();
-        let best = self.best_model(beside_unknown);
+        let touches = self.observations.deviations.iter();
+        let gap = rms(touches.take(self.observations.touches()).copied());
+        // A gap that the resolution alone makes has no other cause, and no stray touch: all of it is noise.
+        let rounded = self.is_rounding(gap);
+        let beside_unknown = !rounded && unknown > self.least_unknown();
+        let best = self.best_model(beside_unknown).filter(|_| !rounded);
         let empty = Model {
             set: Vec::new(),
             discrepancy: None,
@@ -75,7 +79,10 @@ impl Reporter<'_> {
             log_posterior: 0.0,
         };
         let best = best.unwrap_or(&empty);
-        let noise = self.noise(best);
+        let mut noise = self.noise(best);
+        if rounded {
+            noise.deviation = gap;
+        }
         let (named, unsupported) = self.name_supported(best, beside_unknown, noise.deviation);
         let Named { mut effects, set } = named;
         // Where what is sure leaves far more than the noise, the rest is unknown, however unsure its kind.
@@ -83,17 +90,17 @@ impl Reporter<'_> {
         let unfinished = unknown > PERHAPS_UNKNOWN
             && left.is_some_and(|last| last.rms_after > LEFT * noise.deviation);
         let beside_unknown = beside_unknown || !unsupported.is_empty() || unfinished;
-        let grid = self.grid(best, noise.deviation, &mut effects);
-        self.records(noise.deviation, beside_unknown, &mut effects);
+        let rounding = self.resolution(noise.deviation, &mut effects);
+        self.records(noise.deviation, beside_unknown || rounded, &mut effects);
         let verdict = match (beside_unknown, effects.is_empty()) {
             (true, false) => Verdict::PartlyExplained,
             (true, true) => Verdict::Unexplained,
             (false, false) => Verdict::Explained,
             (false, true) => Verdict::NoGap,
         };
-        let touches = self.observations.deviations.iter();
-        let rms = rms(touches.take(self.observations.touches()).copied());
-        let noise_floor = (noise.deviation.powi(2) - grid * grid).max(0.0).sqrt();
+        let noise_floor = (noise.deviation.powi(2) - rounding * rounding)
+            .max(0.0)
+            .sqrt();
         let mut warnings = self.warnings();
         warnings.extend(noise::differing(&noise.groups));
         let report = Report {
@@ -108,13 +115,14 @@ impl Reporter<'_> {
             )),
             samples: self.observations.touches(),
             verdict,
+            level: Level::default(),
             channel: "touch".to_owned(),
             gap: Gap {
                 unit: "m".to_owned(),
-                rms,
+                rms: gap,
                 noise_floor,
                 ratio: if noise_floor > 0.0 {
-                    rms / noise_floor
+                    gap / noise_floor
                 } else {
                     0.0
                 },
@@ -125,7 +133,7 @@ impl Reporter<'_> {
                 &self.observations.deviations,
                 &attribution.active,
             ),
-            unexplained: self.unexplained(beside_unknown, best, (&set, &unsupported), rms),
+            unexplained: self.unexplained(beside_unknown, best, (&set, &unsupported), gap),
             rejected: self.rejected(&set),
             next_measurement: self.next_measurement(&set, &effects),
             declared: declared::compare_with_promise(
@@ -137,7 +145,8 @@ impl Reporter<'_> {
             durations: None,
             warnings,
         };
-        (report.finished(), self.residuals(&set))
+        let residuals = self.residuals(&set);
+        (set, report.finished(), residuals)
     }
 
     /// The noise beside a model, of all touches and of groups of them.

@@ -5,14 +5,11 @@
 
 use effects::session::SessionError;
 use inference::least_squares::{NormalEquations, Solution};
-use inference::linear::{add_scaled, dot};
+use inference::linear::add_scaled;
 
 use super::{Axis, Chosen, Drives};
+use crate::blocks::independent_share;
 
-/// Longest lag of the autocorrelation, samples.
-const LONGEST: usize = 300;
-/// An autocorrelation below this counts as zero, and so do those behind it.
-const DIED_OUT: f64 = 0.05;
 /// Ridge that keeps equal columns apart, relative to their power.
 const RIDGE: f64 = 1e-9;
 /// A half with less than this share of the other's energy has no say.
@@ -203,19 +200,4 @@ pub(super) fn residuals(axis: &Axis, chosen: &Chosen, coefficients: &[f64]) -> V
         add_scaled(&mut residuals, -coefficient, column);
     }
     residuals
-}
-
-/// Share of samples that are independent: the inverse of the integrated autocorrelation, up to the lag where it has died
-/// out.
-fn independent_share(residuals: &[f64]) -> f64 {
-    let power = dot(residuals, residuals).max(f64::MIN_POSITIVE);
-    let mut sum = 1.0;
-    for lag in 1..(residuals.len() / 10).min(LONGEST) {
-        let correlation = dot(&residuals[lag..], &residuals[..residuals.len() - lag]) / power;
-        if correlation < DIED_OUT {
-            break;
-        }
-        sum += 2.0 * correlation;
-    }
-    1.0 / sum
 }

@@ -6,13 +6,31 @@ use effects::{DeclaredEffect, DeclaredParameter, Observations, ParameterEstimate
 use super::{Declared, Effect, Report, Sizes};
 use crate::attribution::blocks;
 
+/// Name of the parameter of a location error.
+const MEMBER: &str = "e";
+
 impl Report {
     /// An effect of this report as one of the declared model, with where and when it was found.
     pub fn declare(&self, effect: &Effect) -> DeclaredEffect {
         self.declare_with(effect, &effect.effect, &effect.parameters)
     }
 
-    /// The same under the name of another effect of its equivalence class; `None` where that class does not contain it.
+    /// The same of each member of a family.
+    pub fn declare_all(&self, effect: &Effect) -> Vec<DeclaredEffect> {
+        if !effect.is_family() {
+            return vec![self.declare(effect)];
+        }
+        let member = |one: &ParameterEstimate| {
+            let error = ParameterEstimate {
+                name: MEMBER.to_owned(),
+                ..one.clone()
+            };
+            self.declare_with(effect, &one.name, &[error])
+        };
+        effect.parameters.iter().map(member).collect()
+    }
+
+    /// An effect under the name of another effect of its equivalence class; `None` where that class does not contain it.
     pub fn declare_as(&self, effect: &Effect, name: &str) -> Option<DeclaredEffect> {
         let parameters = if name == effect.effect {
             &effect.parameters

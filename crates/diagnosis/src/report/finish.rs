@@ -1,6 +1,9 @@
 //! What holds of every report, whatever made it: groups are complete, and its numbers agree with one another.
 
-use crate::report::{Effect, Report, Verdict};
+use crate::report::{Effect, Level, Report, Verdict};
+
+/// The named effects are the main cause where they leave less than this share of the gap: a quarter of its mean square.
+const MOST_CLOSED: f64 = 0.5;
 
 /// Effects less probable than this are not worth a line.
 const IMPROBABLE: f64 = 0.005;
@@ -15,6 +18,19 @@ impl Report {
         self.channel == "touch"
             && self.verdict == Verdict::Explained
             && self.effects.iter().filter(physical).count() > 1
+    }
+
+    /// What a person may conclude, also from a report that was written before it said so itself.
+    pub(crate) fn conclusion(&self) -> Level {
+        let judged = self.effects.iter().rfind(|effect| effect.held_out);
+        let closed = judged.is_some_and(|last| last.rms_after < MOST_CLOSED * self.gap.rms);
+        match self.verdict {
+            Verdict::NoGap => Level::NoGap,
+            Verdict::Explained => Level::Cause,
+            Verdict::Unexplained => Level::Unknown,
+            Verdict::PartlyExplained if closed => Level::MainCause,
+            Verdict::PartlyExplained => Level::Pattern,
+        }
     }
 
     /// The report with the groups of its effects, and with numbers that agree: no effect begins with more than the gap, no
@@ -43,6 +59,7 @@ impl Report {
         if self.gap.noise_floor > 0.0 {
             self.gap.ratio = self.gap.rms / self.gap.noise_floor;
         }
+        self.level = self.conclusion();
         let grouped = |name: &String| {
             self.effects
                 .iter()

@@ -107,7 +107,7 @@ pub(crate) fn of_discrepancy(
             .collect(),
         Kind::Direction => named(observations, &energy, "direction", probability),
         Kind::Feature => named(observations, &energy, "feature", probability),
-        Kind::Grid | Kind::Noise => Vec::new(),
+        Kind::Noise => Vec::new(),
         Kind::Switching => {
             let states = place("component", "two states".to_owned(), None, probability);
             std::iter::once(states)

@@ -4,15 +4,19 @@
 use std::fmt;
 
 use crate::report::numbers::in_display_units;
-use crate::report::{Declared, Effect, NextMeasurement, ParameterEstimate, Place, Report, Verdict};
+use crate::report::{Declared, Effect, Level, NextMeasurement, ParameterEstimate, Place, Report};
+
+/// Parameters of a family that are printed, the largest first.
+const LISTED: usize = 10;
 
 impl fmt::Display for Report {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let verdict = match self.verdict {
-            Verdict::NoGap => "no gap: the cell agrees with its model within the noise",
-            Verdict::Explained => "gap explained",
-            Verdict::PartlyExplained => "gap partly explained; an unknown cause remains",
-            Verdict::Unexplained => "gap not explained: no known effect accounts for it",
+        let verdict = match self.conclusion() {
+            Level::NoGap => "no gap: the cell agrees with its model within the noise",
+            Level::Cause => "gap explained",
+            Level::MainCause => "main cause found; a remainder is left",
+            Level::Pattern => "a small part of the gap follows a known effect; the rest is unknown",
+            Level::Unknown => "gap not explained: no known effect accounts for it",
         };
         writeln!(to, "{}: {verdict}", self.bag)?;
         for (number, effect) in self.effects.iter().enumerate() {
@@ -132,8 +136,17 @@ fn write_effect(
     if effect.group.len() > 1 {
         writeln!(to, "    as {}:", effect.effect)?;
     }
-    for parameter in &effect.parameters {
+    let all = effect.parameters.len();
+    let listed = if effect.is_family() {
+        all.min(LISTED)
+    } else {
+        all
+    };
+    for parameter in &effect.parameters[..listed] {
         writeln!(to, "    {}", parameter_text(parameter))?;
+    }
+    if listed < all {
+        writeln!(to, "    and {} smaller ones of its family", all - listed)?;
     }
     if effect.indistinguishable_from.is_empty() {
         if let Some(remedy) = effect.remedy() {

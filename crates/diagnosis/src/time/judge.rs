@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use inference::relevance::used;
 use metrology::statistics::rms;
 
 use super::fit::{Fitted, STAMP, fit};
@@ -83,15 +84,6 @@ pub(super) fn judge(rows: &Rows<'_>, selected: Selected) -> Judged {
         unexplained: if is_unknown { beyond } else { 0.0 },
         changes: in_time < alike,
     }
-}
-
-/// Values of the rows in use.
-pub(super) fn used(values: &[f64], active: &[bool]) -> Vec<f64> {
-    let pairs = values.iter().zip(active);
-    pairs
-        .filter(|(_, used)| **used)
-        .map(|(value, _)| *value)
-        .collect()
 }
 
 /// The members in the order in which they close the gap, and those that do not close it on rows that were left out.

@@ -1,16 +1,17 @@
 //! The report of the times of moves.
 
 use effects::session::Session;
+use inference::relevance::used;
 use machine::Chain;
 use metrology::statistics::{chi_squared_quantile, coverage_factor, rms};
 
 use super::Rows;
 use super::fit::{Fitted, STAMP};
-use super::judge::{Judged, Named, used};
+use super::judge::{Judged, Named};
 use crate::report::residuals::{MoveResidual, MoveResiduals, Residuals};
 use crate::report::{
-    Alternative, Durations, Effect, Gap, Machine, ParameterEstimate, Place, Rejected, Report,
-    SCHEMA, Unexplained, Verdict,
+    Alternative, Durations, Effect, Gap, Level, Machine, ParameterEstimate, Place, Rejected,
+    Report, SCHEMA, Unexplained, Verdict,
 };
 
 /// Windows of time whose shares of the gap are told.
@@ -56,6 +57,7 @@ pub(super) fn report(session: &Session, rows: &Rows<'_>, judged: &Judged) -> (Re
         machine,
         samples: gap_used.len(),
         verdict,
+        level: Level::default(),
         channel: "time".to_owned(),
         gap: Gap {
             unit: "s".to_owned(),

@@ -62,6 +62,14 @@ enum Line {
 
 type Shape = fn(f64) -> f64;
 
+/// Shapes of fourth and fifth order, least squares over the travel used.
+const HIGHER: [Shape; 2] = [
+    |u| u.powi(4) - 6.0 / 7.0 * u * u + 3.0 / 35.0,
+    |u| u.powi(5) - 10.0 / 9.0 * u.powi(3) + 5.0 / 21.0 * u,
+];
+/// Prior weight of a shape up to the fifth order: a long beam hangs between more than two supports.
+const LONG: f64 = 0.05;
+
 impl Line {
     /// All lines, with their prior weights.
     const ALL: [(Self, f64); 3] = [(Self::Even, 1.0), (Self::AtZero, 0.2), (Self::Ends, 0.1)];
@@ -87,7 +95,7 @@ impl Line {
 
 /// Parameters of a shape up to this order.
 fn parameters(order: usize) -> Vec<Parameter> {
-    let names = ["a", "a3"].into_iter().take(order - 1);
+    let names = ["a", "a3", "a4", "a5"].into_iter().take(order - 1);
     names.map(|name| Parameter::new(name, "m", 1e-4)).collect()
 }
 
@@ -105,7 +113,10 @@ impl Straightness {
         for component in (0..3).filter(|&component| joint.axis[component].abs() <= 0.7) {
             for (line, weight) in Line::ALL {
                 let (mid, (second, third)) = line.shapes(mid);
-                for order in [2, 3] {
+                for order in [2, 3, 5] {
+                    if order > 3 && !matches!(line, Line::Even) {
+                        continue;
+                    }
                     let build = move |rows: &Observations| {
                         let at = |pose: &Pose| (pose.positions[axis] - mid) / half;
                         let column = |shape: Shape| {
@@ -113,12 +124,10 @@ impl Straightness {
                                 pose.sensitivity.motion[index][component] * shape(at(pose))
                             })
                         };
-                        let mut columns = vec![column(second)];
-                        if order == 3 {
-                            columns.push(column(third));
-                        }
-                        columns
+                        let shapes = [second, third].into_iter().chain(HIGHER);
+                        shapes.take(order - 1).map(column).collect()
                     };
+                    let weight = if order > 3 { LONG } else { weight };
                     let variant = Variant::linear(of.id(self.id()), parameters(order), build);
                     let constants = [
                         ("along", component as f64, "1"),

@@ -1,5 +1,5 @@
-//! Labels of what a discrepancy depends on. The inference distinguishes only [`Kind::Grid`] and
-//! [`Kind::Noise`], which are no unknown cause, from the rest.
+//! Labels of what a discrepancy depends on. The inference distinguishes only [`Kind::Noise`], which is no unknown cause,
+//! from the rest.
 
 /// What a discrepancy depends on.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -22,8 +22,6 @@ pub enum Kind {
     Covariate(Covariate),
     /// The state of something that switches between two.
     Switching,
-    /// The cell of a coarse grid on which positions are read: no unknown cause.
-    Grid,
     /// The noise, which is larger for some touches: no unknown cause.
     Noise,
 }

@@ -1,13 +1,11 @@
 //! Streams of parts in which an effect begins at an unknown part: when it is named, as what, and how often falsely.
-#![allow(clippy::unwrap_used, reason = "a test stops at what should not happen")]
-
-mod streams;
 
 use diagnosis::Options;
 use diagnosis::onset::{Change, ChangeMonitor};
 use probecell_msgs::InspectionPoint;
 use statrs::distribution::{Binomial, DiscreteCDF};
-use streams::{Begun, Numbers, Scatter, part};
+
+use crate::streams::{Begun, Numbers, Scatter, part};
 
 const USUAL: Scatter = Scatter {
     touch: 1e-6,

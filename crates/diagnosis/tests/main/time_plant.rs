@@ -9,7 +9,7 @@ use probecell_msgs::{
     InspectionFeature, InspectionPlan, InspectionPoint, MeasurementOrder, ProbeEvent, ProbingMove,
 };
 
-const MACHINE: &str = include_str!("../machines/three_axes.urdf");
+const MACHINE: &str = include_str!("machines/three_axes.urdf");
 /// Step of the integration, s.
 const STEP: f64 = 2.5e-4;
 /// Where a target counts as reached, m.

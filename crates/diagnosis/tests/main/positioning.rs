@@ -1,7 +1,5 @@
 //! A positioning error that neither a scale nor a pitch can say is named, with the table that was made.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use diagnosis::{Options, Session, Verdict, diagnose};
 use effects::session::perfect::with_nominal_touches;
 use probecell_msgs::{

@@ -1,16 +1,12 @@
 //! The diagnosis of development sessions that another author's simulator wrote, judged by the rules of their README.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "a test that fails shows its scores")]
 
 use diagnosis::{Options, diagnose};
-use score::Score;
 use serde_json::Value;
 
-#[path = "../examples/common/mod.rs"]
-mod common;
-#[path = "../examples/common/score.rs"]
-mod score;
+use crate::common;
+use crate::score::Score;
 
 /// What a folder of labelled sessions is answered with.
 struct Answered {

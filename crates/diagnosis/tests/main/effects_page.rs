@@ -1,6 +1,5 @@
 //! The reference page of all effects, `docs/effects.md`: written from the registry and from the heads of the effects' files, so that it
-//! cannot go stale. After a change `UPDATE_EXPECT=1 cargo test --release -p diagnosis --test effects_page` writes it again.
-#![allow(clippy::unwrap_used, reason = "a test stops at what should not happen")]
+//! cannot go stale. After a change `UPDATE_EXPECT=1 cargo test --release -p diagnosis --test main effects_page` writes it again.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -25,7 +24,7 @@ const HEAD: &str = "\
 
 Every cause that a [gap report](howto/read-a-gap-report.md) can name. This page is written from the registry of effects and from the
 heads of their files in `crates/effects/src`, and a test compares it with them; `UPDATE_EXPECT=1 cargo test --release -p diagnosis --test
-effects_page` writes it again ([how to add an effect](howto/add-an-effect.md)).
+main effects_page` writes it again ([how to add an effect](howto/add-an-effect.md)).
 
 In an identifier `<A>` stands for the name of an axis and `<c>` for one of X, Y, Z, A, B, C: `axis.X.scale`, `link.EC0B`.
 

@@ -4,7 +4,7 @@
 use diagnosis::Session;
 use probecell_msgs::{InspectionFeature, InspectionPlan, InspectionPoint, ProbeEvent};
 
-const MACHINE: &str = include_str!("../machines/three_axes.urdf");
+const MACHINE: &str = include_str!("machines/three_axes.urdf");
 /// m.
 const BALL: f64 = 1e-3;
 

@@ -1,0 +1,3 @@
+//! Tests of the inference through its public items.
+
+mod relevance;
