@@ -1,21 +1,12 @@
-//! What goes out: the sizes and touches of a session in the formats of other systems. Nothing is computed here; a number is the
-//! recording's, in the unit that a format asks for.
+//! What goes out: the sizes and touches of a session, as tables, and for the formats of other systems (`neighbours/formats`). Nothing is
+//! computed here; a number is the recording's.
 
-pub mod aqdef;
-pub mod dmis;
-mod live;
-pub mod mtconnect;
-pub mod opcua;
-pub mod qif;
-pub mod sparkplug;
 pub mod table;
-mod uuid;
-mod xml;
 
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{
-    FeatureResult, GapReport, InspectionFeature, InspectionPlan, ProbeEvent, ToolOffsets,
-    TouchDeviation, Verdict, geometrical,
+    FeatureResult, InspectionFeature, InspectionPlan, ProbeEvent, ToolOffsets, TouchDeviation,
+    Verdict, geometrical,
 };
 
 /// What a session found, to be given to other systems.
@@ -72,8 +63,8 @@ pub enum Status {
 }
 
 impl Status {
-    /// Its name in QIF, which tables and AQDEF use as well.
-    pub(crate) fn name(self) -> &'static str {
+    /// Its name in QIF, which other formats use as well.
+    pub fn name(self) -> &'static str {
         match self {
             Self::Pass => "PASS",
             Self::Fail => "FAIL",
@@ -115,12 +106,12 @@ impl Size {
     }
 
     /// Term of the geometrical tolerance (ISO 1101) whose zone it is; `None`: a size.
-    fn tolerance(&self) -> Option<&'static str> {
+    pub fn tolerance(&self) -> Option<&'static str> {
         geometrical::named(self.result.kind).map(|(_, term)| term)
     }
 
     /// Whether it is a diameter.
-    fn is_diameter(&self) -> bool {
+    pub fn is_diameter(&self) -> bool {
         matches!(
             self.result.kind,
             InspectionFeature::CYLINDER | InspectionFeature::BORE | InspectionFeature::SPHERE
@@ -129,25 +120,15 @@ impl Size {
 }
 
 /// mm of a length in m.
-fn mm(metres: f64) -> f64 {
+pub fn mm(metres: f64) -> f64 {
     metres * 1e3
 }
 
 /// A stamp as `xs:dateTime` in UTC, to the nanosecond.
-fn date_time(stamp: Time) -> String {
+pub fn date_time(stamp: Time) -> String {
     let seconds = u64::try_from(stamp.sec).unwrap_or(0);
     let since = std::time::Duration::new(seconds, stamp.nanosec.min(999_999_999));
     humantime::format_rfc3339_nanos(std::time::UNIX_EPOCH + since).to_string()
-}
-
-/// Name of the verdict of a gap report.
-fn gap_verdict(verdict: u8) -> &'static str {
-    match verdict {
-        GapReport::NO_GAP => "NO_GAP",
-        GapReport::EXPLAINED => "EXPLAINED",
-        GapReport::PARTLY_EXPLAINED => "PARTLY_EXPLAINED",
-        _ => "UNEXPLAINED",
-    }
 }
 
 /// Name of a kind of feature.

@@ -1,12 +1,9 @@
-//! What comes in: files of other systems as the messages of a session.
+//! What comes in: tables and recordings of other systems as the messages of a session.
 
 pub mod columns;
 pub mod contacts;
-pub mod dmis;
 pub mod features;
-mod frame;
-pub mod plan;
-pub mod qif;
+pub mod frame;
 pub mod readings;
 pub mod reference;
 pub mod table_reference;

@@ -1,14 +1,14 @@
-//! Import from and export to other systems. Formats only: text in, messages of the contract out, and the reverse.
+//! Import from and export to other systems, by tables: text in, messages of the contract out, and the reverse.
 //!
 //! ```text
-//! CSV of touches ------------------------+
-//! QIF, DMIS, CSV of a CMM (reference) ---+--> import::Imported --> a session (written by the command)
-//! QIF, DMIS plans -----------------------+
+//! CSV of touches, of a CMM (reference) --+
+//! ROS 2: positions and contacts ---------+--> import::Imported --> a session (written by the command)
 //! ISO 230-2, circular test, R-test ------+
 //!
-//! a session's record --> export::Record --> QIF 3, AQDEF .dfq, CSV, MTConnect
-//! a running cell's messages --> export::{mtconnect::agent, sparkplug, opcua} --> what is served or published
+//! a session's record --> export::Record --> CSV
 //! ```
+//!
+//! `neighbours/formats` has QIF, DMIS, AQDEF and MTConnect, in the types of this crate.
 //!
 //! Nothing is guessed and nothing is lost silently: units are named by the caller, a value that is wrong is named with line and
 //! column, and rows that are read and refused are counted. Lengths are m, angles rad, times s in every type of this crate.
@@ -28,6 +28,7 @@ mod error;
 pub mod export;
 pub mod import;
 pub mod table;
+pub mod text;
 pub mod units;
 
 pub use error::ImportError;

@@ -3,17 +3,21 @@
 //! Lines and columns count from 1, columns in characters. Nothing is guessed: the delimiter and the decimal sign are what the
 //! caller says they are.
 
+pub mod forms;
+
 use crate::ImportError;
 
 /// How a file of delimited text is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
-    /// Between cells.
+    /// Between cells; a blank stands for any number of blanks and tabs.
     pub delimiter: char,
     /// Numbers have a decimal comma.
     pub decimal_comma: bool,
     /// The first line that is neither blank nor a comment names the columns.
     pub header: bool,
+    /// First and last line of the table in the file, from 1; what stands above and below, such as a title, is passed over.
+    pub lines: (u64, u64),
 }
 
 impl Default for Layout {
@@ -22,6 +26,7 @@ impl Default for Layout {
             delimiter: ',',
             decimal_comma: false,
             header: true,
+            lines: (1, u64::MAX),
         }
     }
 }
@@ -53,7 +58,7 @@ pub struct Table {
     pub header_line: u64,
     /// Rows below the header.
     pub rows: Vec<Row>,
-    /// Lines that are blank, or comments (`#` first), in number.
+    /// Lines that are blank, or comments (`#` first, unless a cell `#` begins the header), in number.
     pub passed_over: u64,
     /// Comments, with their lines.
     pub comments: Vec<(u64, String)>,
@@ -63,19 +68,34 @@ impl Table {
     /// Reads a whole file; a byte order mark at its start is passed over.
     ///
     /// # Errors
-    /// A quote that is not closed, or text behind a closing quote.
+    /// A quote that is not closed or may belong to either of two cells, text behind a closing quote, or a row without its columns.
     pub fn read(text: &str, layout: Layout) -> Result<Self, ImportError> {
         let mut rows = Vec::new();
         let mut table = Self::default();
+        let text = text.trim_start_matches('\u{feff}');
+        let (first, last) = layout.lines;
+        let count = text.lines().count() as u64;
+        if first > count.max(1) {
+            let what = format!(
+                "the table is said to begin in line {first}, and the file has {count} lines"
+            );
+            return Err(ImportError::whole(what));
+        }
+        table.passed_over = first - 1 + count.saturating_sub(last);
         let mut scanner = Scanner {
-            text: text.trim_start_matches('\u{feff}').chars().peekable(),
-            line: 1,
+            text: lines_of(text, layout.lines).chars().peekable(),
+            line: first,
             column: 1,
             delimiter: layout.delimiter,
         };
+        let mut counts_rows = false;
         while let Some(row) = scanner.row()? {
             let blank = row.cells.iter().all(|cell| cell.text.is_empty());
-            let comment = row.cells[0].text.starts_with('#');
+            let first = &row.cells[0].text;
+            if rows.is_empty() && layout.header && layout.delimiter != ' ' {
+                counts_rows |= first == "#" && row.cells.len() > 1;
+            }
+            let comment = !counts_rows && first.starts_with('#');
             if comment {
                 let cells = row.cells.iter().map(|cell| cell.text.as_str());
                 let joined = cells.collect::<Vec<_>>().join(",");
@@ -94,8 +114,67 @@ impl Table {
             table.header = first.cells.into_iter().map(|cell| cell.text).collect();
         }
         table.rows = rows;
+        if layout.delimiter == ' ' {
+            table.as_wide_as_its_first_row()?;
+        }
         table.not_wider_than_its_header()?;
         Ok(table)
+    }
+
+    /// Between blanks an empty cell is not seen, so that a row that lacks one would be read in wrong columns.
+    fn as_wide_as_its_first_row(&self) -> Result<(), ImportError> {
+        let first = self.rows.first().map_or(0, |row| row.cells.len());
+        let columns = if self.header.is_empty() {
+            first
+        } else {
+            self.header.len()
+        };
+        let other = self.rows.iter().find(|row| row.cells.len() != columns);
+        other.map_or(Ok(()), |row| {
+            Err(ImportError::at(
+                row.line,
+                row.cells.last().map_or(1, |cell| cell.column),
+                format!(
+                    "the row has {} cells between blanks, and {columns} are expected: put quotes around a text with blanks, and \
+                     around nothing (\"\") for an empty cell",
+                    row.cells.len()
+                ),
+            ))
+        })
+    }
+
+    /// What the user may not know of a file whose columns or rows are not found; empty where there is nothing.
+    pub(crate) fn hint(&self) -> String {
+        let hidden = match self.comments.as_slice() {
+            [] => String::new(),
+            [(line, _), ..] => format!(
+                "; lines that begin with # were taken for comments, {} of them from line {line} on (a column of numbers like #1 is \
+                 read where its name in the header is #)",
+                self.comments.len()
+            ),
+        };
+        let other = match self.header.as_slice() {
+            [one] if one.contains(';') => "';'",
+            [one] if one.contains('\t') => "tab",
+            [one] if one.contains(',') => "','",
+            [one] if one.contains(char::is_whitespace) => "blanks",
+            header => {
+                let widest = self.rows.iter().map(|row| row.cells.len()).max();
+                let named = header.iter().filter(|name| !name.is_empty()).count();
+                if named > 0 && widest.is_some_and(|widest| widest > named) {
+                    return format!(
+                        "; is line {} a title (--lines {}- begins behind it)?{hidden}",
+                        self.header_line,
+                        self.header_line + 1
+                    );
+                }
+                return hidden;
+            }
+        };
+        format!(
+            "; is the delimiter another (--delimiter {other}), or the first line a title (--lines {}- begins behind it)?{hidden}",
+            self.header_line + 1
+        )
     }
 
     /// A cell without a column is refused: what a decimal comma cuts in two would be read as another number.
@@ -116,11 +195,75 @@ impl Table {
                 cell.column,
                 format!(
                     "the row has {} cells, and the header {columns} columns: is the decimal sign a comma \
-                     (--delimiter ';' --decimal-comma), or a quote missing?",
-                    row.cells.len()
+                     (--delimiter ';' --decimal-comma), a quote missing, or line {} a title (--lines {}- begins behind it)?",
+                    row.cells.len(),
+                    self.header_line,
+                    self.header_line + 1
                 ),
             )),
         }
+    }
+
+    /// A grid, whose header has X, whose first column Y and whose other cells Z, as a table of X, Y, Z; and the number of its empty
+    /// cells, which are left out.
+    ///
+    /// # Errors
+    /// No header, or a cell of it that is no number.
+    pub fn of_grid(&self, layout: Layout) -> Result<(Self, usize), ImportError> {
+        let Some((_, across)) = self.header.split_first() else {
+            return Err(ImportError::whole("a grid has a header, whose cells are X"));
+        };
+        let header = Row {
+            line: self.header_line,
+            cells: across
+                .iter()
+                .map(|text| Cell {
+                    text: text.clone(),
+                    column: 1,
+                })
+                .collect(),
+        };
+        let mut empty = 0;
+        let mut rows = Vec::new();
+        for row in &self.rows {
+            for (index, x) in header.cells.iter().enumerate() {
+                let z = row
+                    .cells
+                    .get(index + 1)
+                    .filter(|cell| !cell.text.is_empty());
+                let Some(z) = z else {
+                    empty += usize::from(!x.text.is_empty());
+                    continue;
+                };
+                header.number(index, layout)?;
+                let cells = vec![x.clone(), row.cell(0)?.clone(), z.clone()];
+                rows.push(Row {
+                    line: row.line,
+                    cells,
+                });
+            }
+        }
+        let table = Self {
+            header: ["X", "Y", "Z"].map(str::to_owned).to_vec(),
+            rows,
+            ..self.clone()
+        };
+        Ok((table, empty))
+    }
+
+    /// Adds a column with the same text in every row, and gives its index.
+    pub(crate) fn add_constant(&mut self, text: &str) -> usize {
+        let widest = self.rows.iter().map(|row| row.cells.len()).max();
+        let index = self.header.len().max(widest.unwrap_or(0));
+        let cell = |text: &str| Cell {
+            text: text.to_owned(),
+            column: 1,
+        };
+        for row in &mut self.rows {
+            row.cells.resize(index, cell(""));
+            row.cells.push(cell(text));
+        }
+        index
     }
 
     /// Index of a column: its name, or `#N` for the N-th, from 1.
@@ -128,7 +271,7 @@ impl Table {
     /// # Errors
     /// No column, or several, of that name.
     pub fn column(&self, name: &str) -> Result<usize, ImportError> {
-        if let Some(number) = name.strip_prefix('#') {
+        if let Some(number) = name.strip_prefix('#').filter(|rest| !rest.is_empty()) {
             let widest = self.rows.iter().map(|row| row.cells.len()).max();
             let count = self.header.len().max(widest.unwrap_or(0));
             let number = number.parse::<usize>().ok();
@@ -137,7 +280,8 @@ impl Table {
                 .map(|number| number - 1)
                 .ok_or_else(|| {
                     ImportError::whole(format!(
-                        "there is no column {name}: the file has {count} columns"
+                        "there is no column {name}: the file has {count} columns{}",
+                        self.hint()
                     ))
                 });
         }
@@ -153,8 +297,9 @@ impl Table {
                 self.header_line.max(1),
                 1,
                 format!(
-                    "there is no column {name:?}; the file has {}",
-                    self.named_columns()
+                    "there is no column {name:?}; the file has {}{}",
+                    self.named_columns(),
+                    self.hint()
                 ),
             )),
         }
@@ -199,6 +344,13 @@ impl Row {
     /// The cell holds none; a decimal comma where none was announced is named.
     pub fn number(&self, index: usize, layout: Layout) -> Result<f64, ImportError> {
         let cell = self.cell(index)?;
+        if layout.decimal_comma && cell.text.contains('.') {
+            return Err(self.wrong(
+                index,
+                "expected a number with a decimal comma and no point (leave out points that group thousands; without \
+                 --decimal-comma a point is the decimal sign)",
+            ));
+        }
         let text = if layout.decimal_comma {
             cell.text.replace(',', ".")
         } else {
@@ -206,7 +358,9 @@ impl Row {
         };
         let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
         value.ok_or_else(|| {
-            let hint = if !layout.decimal_comma && cell.text.contains(',') {
+            let hint = if cell.text.contains(',') && cell.text.contains('.') {
+                " (leave out what groups thousands)"
+            } else if !layout.decimal_comma && cell.text.contains(',') {
                 " (a decimal comma is read with --decimal-comma)"
             } else {
                 ""
@@ -229,6 +383,20 @@ impl Row {
             Err(error) => error,
         }
     }
+}
+
+/// The lines from the first to the last, from 1.
+fn lines_of(text: &str, (first, last): (u64, u64)) -> &str {
+    let begins = |line: u64| {
+        let behind = usize::try_from(line.saturating_sub(2)).unwrap_or(usize::MAX);
+        match line {
+            0 | 1 => Some(0),
+            _ => text.match_indices('\n').nth(behind).map(|(at, _)| at + 1),
+        }
+    };
+    let begin = begins(first).unwrap_or(text.len());
+    let end = begins(last.saturating_add(1)).unwrap_or(text.len());
+    &text[begin..end.max(begin)]
 }
 
 struct Scanner<'a> {
@@ -266,15 +434,50 @@ impl Scanner<'_> {
         }
     }
 
-    /// A cell, and whether another follows in the row.
-    fn cell(&mut self) -> Result<(Cell, bool), ImportError> {
+    fn delimits(&self, letter: char) -> bool {
+        letter == self.delimiter
+            || (self.delimiter == ' ' && letter.is_whitespace() && letter != '\n')
+    }
+
+    /// Passes over blanks within a line that are no delimiters of their own.
+    fn blanks(&mut self) {
         while self.text.peek().is_some_and(|&letter| {
-            letter.is_whitespace() && letter != '\n' && letter != self.delimiter
+            letter.is_whitespace() && letter != '\n' && (letter != self.delimiter || letter == ' ')
         }) {
             self.next();
         }
+    }
+
+    /// Whether the next quote is the whole cell, as a mark for "as above"; else it begins quoted text.
+    fn lone_quote(&self) -> Result<bool, ImportError> {
+        let mut ahead = self.text.clone();
+        ahead.next();
+        while ahead
+            .next_if(|&letter| letter.is_whitespace() && letter != '\n' && letter != self.delimiter)
+            .is_some()
+        {}
+        match ahead.next() {
+            None | Some('\n') => Ok(true),
+            Some(letter) if letter == self.delimiter => {
+                if ahead
+                    .take_while(|&letter| letter != '\n')
+                    .any(|letter| letter == '"')
+                {
+                    let what = "a quote that stands alone in its cell, or begins a text that goes on behind the delimiter: write a \
+                                mark for \"as above\" out, or leave its cell empty";
+                    return Err(ImportError::at(self.line, self.column, what));
+                }
+                Ok(true)
+            }
+            Some(_) => Ok(false),
+        }
+    }
+
+    /// A cell, and whether another follows in the row.
+    fn cell(&mut self) -> Result<(Cell, bool), ImportError> {
+        self.blanks();
         let column = self.column;
-        let quoted = self.text.peek() == Some(&'"');
+        let quoted = self.text.peek() == Some(&'"') && !self.lone_quote()?;
         let mut text = String::new();
         if quoted {
             text = self.quoted()?;
@@ -286,9 +489,16 @@ impl Scanner<'_> {
                     let text = text.trim_end().to_owned();
                     return Ok((Cell { text, column }, false));
                 }
-                Some(letter) if letter == self.delimiter => {
+                Some(letter) if self.delimits(letter) => {
                     let text = text.trim_end().to_owned();
-                    return Ok((Cell { text, column }, true));
+                    let more = self.delimiter != ' ' || {
+                        self.blanks();
+                        match self.text.peek() {
+                            Some('\n') => self.next().is_none(),
+                            next => next.is_some(),
+                        }
+                    };
+                    return Ok((Cell { text, column }, more));
                 }
                 Some(letter) if quoted && !letter.is_whitespace() => {
                     return Err(ImportError::at(
@@ -373,8 +583,171 @@ mod tests {
             delimiter: ';',
             decimal_comma: true,
             header: false,
+            ..Layout::default()
         };
         let table = Table::read("1,25;-3\n", layout).expect("a table");
         assert_eq!(table.rows[0].number(0, layout), Ok(1.25));
+    }
+
+    #[test]
+    fn blanks_of_any_number_part_cells() {
+        let layout = Layout {
+            delimiter: ' ',
+            ..Layout::default()
+        };
+        let text = "\t  X     Y  DEV \r\n  -60.000 \t 12.230   -27.44\n\n 1 2 \"a b\"\n3   4   5";
+        let table = Table::read(text, layout).expect("a table");
+        assert_eq!(table.header, ["X", "Y", "DEV"]);
+        let lines: Vec<u64> = table.rows.iter().map(|row| row.line).collect();
+        assert_eq!(lines, [2, 4, 5]);
+        assert_eq!(table.rows[0].number(2, layout), Ok(-27.44));
+        assert_eq!(table.rows[1].cells[2].text, "a b");
+        // A row without one of its cells would be read in wrong columns.
+        for (text, place) in [
+            ("X Y Z\n1 2 3\n4      6\n", "line 3, column 8"),
+            ("1 2\n1 2 3\n", "line 2, column 5"),
+        ] {
+            let refused = Table::read(text, layout).expect_err(text).to_string();
+            assert!(refused.starts_with(place), "{refused}");
+        }
+        let comma = Table::read(text, Layout::default()).expect("one column");
+        let asked = comma.column("DEV").expect_err("one column").to_string();
+        assert!(asked.contains("--delimiter blanks"), "{asked}");
+    }
+
+    #[test]
+    fn a_lone_quote_swallows_no_row() {
+        let layout = Layout::default();
+        let table = Table::read("X,By\n1,A\n2,\"\n3,\" \n4,\"\n5,\"", layout).expect("a table");
+        let by: Vec<&str> = table
+            .rows
+            .iter()
+            .map(|row| row.cells[1].text.as_str())
+            .collect();
+        assert_eq!(by, ["A", "\"", "\"", "\"", "\""]);
+        let within = Table::read("By,X\nA,1\n\",2\n\",3\n", layout).expect("a table");
+        let numbers: Vec<_> = within
+            .rows
+            .iter()
+            .map(|row| row.number(1, layout))
+            .collect();
+        assert_eq!(numbers, [Ok(1.0), Ok(2.0), Ok(3.0)]);
+        // Two marks in a row are what begins and ends a text as well.
+        let two = Table::read("By,To,X\nA,B,1\n\",\",2\n", layout).expect_err("two marks");
+        assert!(
+            two.to_string()
+                .starts_with("line 3, column 1: a quote that stands alone")
+        );
+        let empty = Table::read("By,X\n\"\",1\n", layout).expect("a table");
+        assert_eq!(empty.rows[0].cells[0].text, "");
+    }
+
+    #[test]
+    fn rows_that_are_numbered_with_a_hash_are_no_comments() {
+        let text = "# by hand\n#,X,Dev\n#1,2,3\n#2,4,5\n";
+        let table = Table::read(text, Layout::default()).expect("a table");
+        assert_eq!((table.rows.len(), table.passed_over), (2, 1));
+        assert_eq!((table.column("#"), table.column("#1")), (Ok(0), Ok(0)));
+        let bare = Layout {
+            header: false,
+            ..Layout::default()
+        };
+        let hidden = Table::read(text, bare).expect("a table");
+        let asked = hidden.column("#2").expect_err("no row").to_string();
+        assert!(
+            asked.contains("were taken for comments, 4 of them from line 1 on"),
+            "{asked}"
+        );
+    }
+
+    #[test]
+    fn a_grid_has_x_across_and_y_down() {
+        let text = "Y \\ X;10;20,5;30\n1;0,1;0,2;\n2;0,3;-0,4;0,5\n";
+        let layout = Layout {
+            delimiter: ';',
+            decimal_comma: true,
+            ..Layout::default()
+        };
+        let grid = |text: &str| Table::read(text, layout).and_then(|table| table.of_grid(layout));
+        let (table, empty) = grid(text).expect("a grid");
+        assert_eq!((table.rows.len(), empty, table.passed_over), (5, 1, 0));
+        let numbers = |row: usize| [0, 1, 2].map(|column| table.rows[row].number(column, layout));
+        assert_eq!(numbers(1), [Ok(20.5), Ok(1.0), Ok(0.2)]);
+        assert_eq!(numbers(4), [Ok(30.0), Ok(2.0), Ok(0.5)]);
+        assert_eq!((table.rows[3].line, table.rows[3].cells[2].column), (3, 7));
+        let wrong = grid(&text.replace("20,5", "left"))
+            .expect_err("a word")
+            .to_string();
+        assert_eq!(
+            wrong,
+            "line 1, column 1: expected a finite number, found \"left\""
+        );
+    }
+
+    #[test]
+    fn a_title_above_and_sums_below_the_table_are_left_out_by_their_lines() {
+        let text = "Probe log of shop 3\n\nX,Dev\n1,2\n3,4\nMean,3\n";
+        let titled = Table::read(text, Layout::default())
+            .expect_err("a title")
+            .to_string();
+        assert!(
+            titled.contains("line 1 a title (--lines 2- begins behind it)"),
+            "{titled}"
+        );
+        let padded = Table::read(&text.replacen("shop 3", "shop 3,", 1), Layout::default());
+        let asked = padded
+            .expect("a table")
+            .column("X")
+            .expect_err("a title")
+            .to_string();
+        assert!(asked.contains("is line 1 a title"), "{asked}");
+        let layout = Layout {
+            lines: (3, 5),
+            ..Layout::default()
+        };
+        let table = Table::read(text, layout).expect("a table");
+        assert_eq!(table.header, ["X", "Dev"]);
+        assert_eq!(
+            (table.header_line, table.passed_over, table.rows.len()),
+            (3, 3, 2)
+        );
+        assert_eq!(table.rows[1].line, 5);
+        let beyond = Layout {
+            lines: (9, u64::MAX),
+            ..Layout::default()
+        };
+        let told = Table::read(text, beyond).expect_err("beyond").to_string();
+        assert_eq!(
+            told,
+            "the table is said to begin in line 9, and the file has 6 lines"
+        );
+    }
+
+    #[test]
+    fn a_point_before_thousands_is_refused_in_its_place() {
+        let layout = Layout {
+            delimiter: ';',
+            decimal_comma: true,
+            ..Layout::default()
+        };
+        let table =
+            Table::read("target;deviation\n900;-6,08\n1.000;-3,27\n", layout).expect("a table");
+        let refused = table.rows[1]
+            .number(0, layout)
+            .expect_err("a point")
+            .to_string();
+        assert!(
+            refused.starts_with("line 3, column 1: expected a number with a decimal comma"),
+            "{refused}"
+        );
+        let english = Table::read("a\n\"1,000.5\"\n", Layout::default()).expect("a table");
+        let refused = english.rows[0]
+            .number(0, Layout::default())
+            .expect_err("grouped");
+        assert!(
+            refused
+                .to_string()
+                .contains("leave out what groups thousands")
+        );
     }
 }

@@ -45,11 +45,22 @@ impl Quantity {
     fn units(self) -> &'static [(&'static str, f64)] {
         const INCH: f64 = 0.0254;
         match self {
-            Self::Length | Self::Deviation => {
-                &[("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("in", INCH)]
-            }
+            Self::Length | Self::Deviation => &[
+                ("m", 1.0),
+                ("mm", 1e-3),
+                ("um", 1e-6),
+                ("in", INCH),
+                ("thou", 25.4e-6),
+            ],
             Self::Angle => &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)],
-            Self::Time => &[("s", 1.0), ("ms", 1e-3), ("rfc3339", 1.0)],
+            Self::Time => &[
+                ("s", 1.0),
+                ("ms", 1e-3),
+                ("min", 60.0),
+                ("h", 3600.0),
+                ("clock", 1.0),
+                ("rfc3339", 1.0),
+            ],
             Self::Feed => &[
                 ("m/s", 1.0),
                 ("mm/s", 1e-3),
@@ -160,5 +171,8 @@ mod tests {
         // An inch is 25.4 mm exactly (ISO 80000-3).
         let inch = Units::parse("length=in").expect("units");
         assert_eq!(inch.of(Quantity::Deviation), Ok(("in", 0.0254)));
+        let sheet = Units::parse("length=in,deviation=thou,time=min").expect("units");
+        assert_eq!(sheet.of(Quantity::Deviation), Ok(("thou", 25.4e-6)));
+        assert_eq!(sheet.of(Quantity::Time), Ok(("min", 60.0)));
     }
 }

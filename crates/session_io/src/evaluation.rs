@@ -40,3 +40,17 @@ pub fn evaluate(
     }
     Ok((deviations, features))
 }
+
+/// A line for each feature: size, deviation, form, what else is said of it.
+pub fn lines(features: &Features) -> impl Iterator<Item = String> {
+    features.values().map(|result| {
+        format!(
+            "  {:<20} {:10.4} mm  {:+8.2} µm  form {:7.2} µm  {}",
+            result.feature_id,
+            result.size * 1e3,
+            result.size_deviation * 1e6,
+            result.form * 1e6,
+            result.text
+        )
+    })
+}

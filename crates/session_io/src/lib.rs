@@ -8,10 +8,12 @@
 //!      ──> record: report::PartSession ──> its page; sizes as JSON
 //!      ──> order: the measuring order that would have been shorter
 //!  touches and their plan ──> evaluation: deviations, features with uncertainty
-//!  files of other systems ──> import ──> effects::Session ──> write: a bag
+//!  files of other systems ──> import ──> effects::Session ──> write, imported: a bag
+//!  what an instrument found ──> reference: the bag with it
+//!  bag ──> export: exchange::export::Record, for files of other systems
 //! ```
 //!
-//! `probecell`, `probecell-fleet` and the Python package read recordings through this crate, so that their results agree.
+//! `probecell`, the programs beside it and the Python package read and write recordings through this crate, so that their results agree.
 //!
 //! ```no_run
 //! use bags::Measurement;
@@ -24,9 +26,12 @@
 
 pub mod embedded;
 pub mod evaluation;
+pub mod export;
 pub mod import;
+pub mod imported;
 pub mod order;
 pub mod record;
+pub mod reference;
 pub mod sizes;
 mod unrecorded;
 pub mod write;
@@ -35,10 +40,15 @@ use std::path::Path;
 
 use anyhow::bail;
 use bags::{Bag, Measurement};
-use cell::ModelSection;
+use cell::{Cell, ModelSection};
 use diagnosis::{DeclaredEffect, Session};
 use effects::session::joined::join;
-use probecell_msgs::PlanId;
+use probecell_msgs::{PlanId, PlanProgress};
+
+/// Whether what a command is given is a cell file and not a bag.
+pub fn is_cell_file(source: &Path) -> bool {
+    source.extension().is_some_and(|end| end == "toml")
+}
 
 /// A measurement, and what a person must know of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -173,17 +183,20 @@ fn declared(bag: &Bag) -> anyhow::Result<Vec<DeclaredEffect>> {
     }
 }
 
-/// An error as one sentence; causes that it already contains are omitted.
-pub fn sentence(error: &anyhow::Error) -> String {
-    let mut sentence = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if !sentence.contains(&cause) {
-            sentence = if sentence.is_empty() {
-                cause
-            } else {
-                format!("{sentence}: {cause}")
-            };
-        }
-    }
-    sentence.replace('\n', " ")
+/// The session of a cell that has measured nothing yet: its machine and the plan of its part. `name` is that of the session,
+/// `progress` as in [`Cell::inspection_plan`].
+///
+/// # Errors
+/// As [`Cell::inspection_plan`].
+pub fn unmeasured(
+    cell: &Cell,
+    name: &str,
+    progress: &mut dyn FnMut(&PlanProgress),
+) -> anyhow::Result<Session> {
+    Ok(Session {
+        name: name.to_owned(),
+        robot_description: cell.text().robot_description.clone(),
+        plan: Some(cell.inspection_plan(0.0, progress)?),
+        ..Session::default()
+    })
 }

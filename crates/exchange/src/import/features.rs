@@ -25,9 +25,22 @@ pub const KINDS: [(&str, u8); 7] = [
 const UNIT_TOLERANCE: f64 = 1e-3;
 
 /// Scales a vector to unit length; `None` if it is none by more than rounding.
-pub(crate) fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
+pub fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
     let norm = vector.iter().map(|value| value * value).sum::<f64>().sqrt();
     ((norm - 1.0).abs() <= UNIT_TOLERANCE).then(|| vector.map(|value| value / norm))
+}
+
+/// A feature without tolerance at a place (m).
+pub fn feature(id: &str, kind: u8, origin: [f64; 3], axis: [f64; 3]) -> InspectionFeature {
+    InspectionFeature {
+        id: id.to_owned(),
+        kind,
+        origin: origin.into(),
+        axis: axis.into(),
+        lower_tolerance: f64::NEG_INFINITY,
+        upper_tolerance: f64::INFINITY,
+        ..InspectionFeature::default()
+    }
 }
 
 /// Reads a table of features.

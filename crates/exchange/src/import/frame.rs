@@ -3,7 +3,7 @@
 use probecell_msgs::geometry_msgs::{Pose, Quaternion};
 
 /// A pose that is none: at the origin, not rotated.
-pub(super) fn identity() -> Pose {
+pub fn identity() -> Pose {
     Pose {
         orientation: Quaternion {
             w: 1.0,

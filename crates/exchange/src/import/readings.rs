@@ -4,20 +4,30 @@
 //! A reading says how far the ball, or the reflector, has gone from where the axes say it is. It becomes a touch without feed at the
 //! place where it was seen, so that its deviation along the direction of the reading is what the axes read too little.
 
+use std::borrow::Cow;
+use std::f64::consts::{PI, TAU};
+
 use machine::{Chain, JointKind};
 use nalgebra::{Isometry3, Point3, Vector3};
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{InspectionFeature, InspectionPlan, InspectionPoint, ProbeEvent, std_msgs};
 
-use super::{Counts, Imported, frame, plan};
+use super::columns::{Columns, goes_down};
+use super::features::feature;
+use super::{Counts, Imported, frame};
 use crate::ImportError;
 use crate::table::{Layout, Row, Table};
 use crate::units::{Quantity, Units};
 
+/// Angles that differ by no more are the same, rad.
+const SAME_ANGLE: f64 = 1e-9;
+
 /// Which test a table holds.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Test {
-    /// ISO 230-2: columns `axis, target, direction (+ or -), repeat, deviation`, optionally `time`.
+    /// ISO 230-2: columns `axis, target, direction (+ or -), repeat, deviation`, optionally `time`. `measured` positions, or those
+    /// measured `forward` and `reverse` side by side, stand for deviations, and `commanded` for `target`; of several runs side by side
+    /// `forward.RUN`, `reverse.RUN` are positions, and `forward_deviation.RUN`, `reverse_deviation.RUN` deviations.
     Positioning,
     /// ISO 230-4: columns `angle, direction (cw or ccw), deviation`, optionally `time`, of a circle in a plane of two axes.
     Circular {
@@ -30,9 +40,36 @@ pub enum Test {
     RTest,
 }
 
+impl Test {
+    fn roles(&self) -> &'static [&'static str] {
+        match self {
+            Self::Positioning => &[
+                "axis",
+                "target",
+                "commanded",
+                "direction",
+                "repeat",
+                "deviation",
+                "measured",
+                "forward",
+                "reverse",
+                "forward.",
+                "reverse.",
+                "forward_deviation.",
+                "reverse_deviation.",
+                "time",
+            ],
+            Self::Circular { .. } => &["angle", "direction", "deviation", "time"],
+            Self::RTest => &["axis.", "dx", "dy", "dz", "time"],
+        }
+    }
+}
+
 /// What the caller knows of a table of readings.
 #[derive(Clone, Debug)]
 pub struct Settings {
+    /// `ROLE=COLUMN,…` of columns that are not named like their roles; empty where all are.
+    pub columns: String,
     /// How the file is written.
     pub layout: Layout,
     /// Units of the columns.
@@ -57,6 +94,31 @@ struct Reading {
     run: (u64, bool),
 }
 
+/// A column of a positioning test that says a reading.
+struct Seen {
+    column: usize,
+    /// A deviation, or the length that is the measured position.
+    quantity: Quantity,
+    direction: Direction,
+    repeat: Repeat,
+}
+
+/// Number of a run.
+#[derive(Clone, Copy)]
+enum Repeat {
+    /// As a column says.
+    Column(usize),
+    Run(u64),
+}
+
+/// Which way a run goes.
+enum Direction {
+    /// As a column says.
+    Column(usize),
+    /// In every row the same; true: down.
+    Down(bool),
+}
+
 /// Direction of a reading.
 enum Along {
     /// That in which the axis moves the ball.
@@ -71,10 +133,19 @@ enum Along {
 ///
 /// # Errors
 /// The first mistake, with line and column where there is one.
-pub fn read(text: &str, test: &Test, settings: &Settings) -> Result<Imported, ImportError> {
-    let table = Table::read(text, settings.layout)?;
+pub fn read_table(
+    table: &Table,
+    test: &Test,
+    settings: &Settings,
+) -> Result<Imported, ImportError> {
+    let (columns, table) = if settings.columns.is_empty() {
+        (Columns::default(), Cow::Borrowed(table))
+    } else {
+        Columns::of_test(&settings.columns, table, test.roles())?
+    };
     let reader = Reader {
         table: &table,
+        columns,
         settings,
     };
     let mut readings = match test {
@@ -83,7 +154,10 @@ pub fn read(text: &str, test: &Test, settings: &Settings) -> Result<Imported, Im
         Test::RTest => reader.r_test()?,
     };
     if readings.is_empty() {
-        return Err(ImportError::whole("the file has no reading"));
+        return Err(ImportError::whole(format!(
+            "the file has no reading{}",
+            table.hint()
+        )));
     }
     if readings.iter().all(|one| one.time.is_some()) {
         readings.sort_by(|a, b| a.time.unwrap_or(0.0).total_cmp(&b.time.unwrap_or(0.0)));
@@ -124,6 +198,7 @@ fn in_order_of_the_test(readings: &mut [Reading]) {
 
 struct Reader<'a> {
     table: &'a Table,
+    columns: Columns,
     settings: &'a Settings,
 }
 
@@ -133,8 +208,19 @@ impl Reader<'_> {
         Ok(factor * row.number(index, self.settings.layout)?)
     }
 
+    /// The column of a role, which has its name unless the caller says otherwise.
+    fn column(&self, role: &str) -> Result<usize, ImportError> {
+        match self.columns.get(role) {
+            Some(index) => Ok(index),
+            None => self.table.column(role).map_err(|error| ImportError {
+                what: format!("{} (--columns {role}=COLUMN names another)", error.what),
+                ..error
+            }),
+        }
+    }
+
     fn time(&self, row: &Row) -> Result<Option<f64>, ImportError> {
-        let Ok(index) = self.table.column("time") else {
+        let Ok(index) = self.column("time") else {
             return Ok(None);
         };
         let time = self.si(row, index, Quantity::Time)?;
@@ -149,30 +235,132 @@ impl Reader<'_> {
     }
 
     fn positioning(&self) -> Result<Vec<Reading>, ImportError> {
-        let column = |name| self.table.column(name);
-        let (axis, target, direction) = (column("axis")?, column("target")?, column("direction")?);
-        let (repeat, deviation) = (column("repeat")?, column("deviation")?);
+        let axis = self.column("axis")?;
+        let seen = self.seen()?;
+        let target = match self.columns.get("commanded") {
+            Some(index) => index,
+            None => self.column("target")?,
+        };
         let mut readings = Vec::new();
         for row in &self.table.rows {
             let name = row.cell(axis)?.text.clone();
-            let down = match row.cell(direction)?.text.as_str() {
-                "+" => false,
-                "-" => true,
-                _ => return Err(row.wrong(direction, "expected + or -")),
-            };
-            let run = row.cell(repeat)?.text.parse().ok();
-            let run = run.ok_or_else(|| row.wrong(repeat, "expected the number of the run"))?;
-            readings.push(Reading {
-                feature: format!("axis {name}"),
-                axes: vec![(name.clone(), self.si(row, target, Quantity::Length)?)],
-                along: Along::Axis(name),
-                deviation: self.si(row, deviation, Quantity::Deviation)?,
-                time: self.time(row)?,
-                line: row.line,
-                run: (run, down),
-            });
+            let at = self.si(row, target, Quantity::Length)?;
+            for one in &seen {
+                let run = match one.repeat {
+                    Repeat::Run(run) => run,
+                    Repeat::Column(index) => {
+                        let run = row.cell(index)?.text.parse().ok();
+                        run.ok_or_else(|| row.wrong(index, "expected the number of the run"))?
+                    }
+                };
+                let down = match one.direction {
+                    Direction::Column(index) => goes_down(&row.cell(index)?.text).ok_or_else(|| {
+                        row.wrong(index, "expected a direction: +, fwd, forward, up or 1; or -, rev, reverse, down or -1")
+                    })?,
+                    Direction::Down(down) => down,
+                };
+                let value = self.si(row, one.column, one.quantity)?;
+                readings.push(Reading {
+                    feature: format!("axis {name}"),
+                    axes: vec![(name.clone(), at)],
+                    along: Along::Axis(name.clone()),
+                    deviation: match one.quantity {
+                        Quantity::Deviation => value,
+                        _ => value - at,
+                    },
+                    time: self.time(row)?,
+                    line: row.line,
+                    run: (run, down),
+                });
+            }
         }
         Ok(readings)
+    }
+
+    /// Runs that have columns of their own.
+    fn side_by_side(&self) -> Result<Vec<Seen>, ImportError> {
+        let mut runs = Vec::new();
+        for (prefix, quantity, down) in [
+            ("forward.", Quantity::Length, false),
+            ("reverse.", Quantity::Length, true),
+            ("forward_deviation.", Quantity::Deviation, false),
+            ("reverse_deviation.", Quantity::Deviation, true),
+        ] {
+            for (run, column) in self.columns.of_prefix(prefix) {
+                let number = run.parse().ok();
+                let run = number.ok_or_else(|| {
+                    ImportError::whole(format!(
+                        "{prefix}{run} names no run: expected a number, as in {prefix}1"
+                    ))
+                })?;
+                runs.push(Seen {
+                    column,
+                    quantity,
+                    direction: Direction::Down(down),
+                    repeat: Repeat::Run(run),
+                });
+            }
+        }
+        Ok(runs)
+    }
+
+    /// What each row of a positioning test says: a deviation, a measured position, or one of each direction.
+    fn seen(&self) -> Result<Vec<Seen>, ImportError> {
+        let of = |role| self.columns.get(role);
+        let runs = self.side_by_side()?;
+        if !runs.is_empty() {
+            let alone = [
+                "deviation",
+                "measured",
+                "forward",
+                "reverse",
+                "direction",
+                "repeat",
+            ];
+            if let Some(other) = alone.into_iter().find(|role| of(role).is_some()) {
+                return Err(ImportError::whole(format!(
+                    "runs side by side say direction and run themselves: leave {other} out"
+                )));
+            }
+            return Ok(runs);
+        }
+        let repeat = Repeat::Column(self.column("repeat")?);
+        let position = |column, direction| Seen {
+            column,
+            quantity: Quantity::Length,
+            direction,
+            repeat,
+        };
+        Ok(
+            match (
+                of("deviation"),
+                of("measured"),
+                of("forward"),
+                of("reverse"),
+            ) {
+                (None, None, Some(up), Some(down)) if of("direction").is_none() => vec![
+                    position(up, Direction::Down(false)),
+                    position(down, Direction::Down(true)),
+                ],
+                (None, Some(measured), None, None) => {
+                    vec![position(
+                        measured,
+                        Direction::Column(self.column("direction")?),
+                    )]
+                }
+                (_, None, None, None) => vec![Seen {
+                    column: self.column("deviation")?,
+                    quantity: Quantity::Deviation,
+                    direction: Direction::Column(self.column("direction")?),
+                    repeat,
+                }],
+                _ => {
+                    return Err(ImportError::whole(
+                        "name the columns of deviation and direction, of measured and direction, or of forward and reverse",
+                    ));
+                }
+            },
+        )
     }
 
     fn circular(
@@ -180,7 +368,7 @@ impl Reader<'_> {
         [first, second]: &[String; 2],
         radius: f64,
     ) -> Result<Vec<Reading>, ImportError> {
-        let column = |name| self.table.column(name);
+        let column = |name| self.column(name);
         let (angle, direction, deviation) =
             (column("angle")?, column("direction")?, column("deviation")?);
         let centre = |name: &String| {
@@ -205,12 +393,10 @@ impl Reader<'_> {
                 return Err(row.wrong(direction, "expected cw or ccw"));
             }
             if let Some((last, same)) = &before {
-                let goes_back = if turn == "ccw" {
-                    at < *last
-                } else {
-                    at > *last
-                };
-                if *same == turn && goes_back {
+                // On the circle, where 359 degrees are before 0: on by less than half a turn.
+                let on = if turn == "ccw" { at - last } else { last - at };
+                let on = (on + SAME_ANGLE).rem_euclid(TAU);
+                if *same == turn && on >= PI {
                     let what =
                         format!("expected an angle that continues {turn} from the previous row");
                     return Err(row.wrong(angle, &what));
@@ -240,9 +426,12 @@ impl Reader<'_> {
         })?;
         let chain = chain_of(urdf)?;
         let named: Vec<(String, usize)> = (self.table.header.iter().enumerate())
-            .filter_map(|(index, name)| Some((name.strip_prefix("axis.")?.to_owned(), index)))
+            .filter_map(|(index, name)| Some((name.strip_prefix("axis.")?, index)))
+            .filter(|(name, _)| self.columns.get(&format!("axis.{name}")).is_none())
+            .chain(self.columns.of_prefix("axis."))
+            .map(|(name, index)| (name.to_owned(), index))
             .collect();
-        let column = |name| self.table.column(name);
+        let column = |name| self.column(name);
         let components = [column("dx")?, column("dy")?, column("dz")?];
         let mut readings = Vec::new();
         for row in &self.table.rows {
@@ -369,8 +558,8 @@ fn session(urdf: &str, readings: &[Reading], settings: &Settings) -> Result<Impo
             .features
             .iter()
             .position(|feature| feature.id == one.feature);
-        let feature = known.unwrap_or_else(|| {
-            inspection.features.push(plan::feature(
+        let index = known.unwrap_or_else(|| {
+            inspection.features.push(feature(
                 &one.feature,
                 InspectionFeature::SURFACE,
                 seen,
@@ -379,7 +568,7 @@ fn session(urdf: &str, readings: &[Reading], settings: &Settings) -> Result<Impo
             inspection.features.len() - 1
         });
         inspection.points.push(InspectionPoint {
-            feature: feature as u32,
+            feature: index as u32,
             position: seen.into(),
             normal: normal.into(),
             operation: -1,
@@ -407,4 +596,158 @@ fn session(urdf: &str, readings: &[Reading], settings: &Settings) -> Result<Impo
         events,
         ..Imported::default()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str, test: &Test, settings: &Settings) -> Result<Imported, ImportError> {
+        read_table(&Table::read(text, settings.layout)?, test, settings)
+    }
+
+    fn settings(units: &str) -> Settings {
+        Settings {
+            layout: Layout::default(),
+            columns: String::new(),
+            units: Units::parse(units).expect("units"),
+            urdf: None,
+            standing: Vec::new(),
+            name: "test".to_owned(),
+        }
+    }
+
+    #[test]
+    fn a_circle_begins_anywhere_and_passes_through_0() {
+        let test = Test::Circular {
+            axes: ["X".to_owned(), "Y".to_owned()],
+            radius: 0.15,
+        };
+        let read = |angles: &[(f64, &str)]| {
+            let rows = angles
+                .iter()
+                .map(|(angle, direction)| format!("{angle},{direction},1.5"));
+            let text = ["angle,direction,deviation".to_owned()]
+                .into_iter()
+                .chain(rows);
+            let text = text.collect::<Vec<_>>().join("\n");
+            let settings = Settings {
+                standing: vec![("X".to_owned(), 0.0), ("Y".to_owned(), 0.0)],
+                ..settings("length=mm,angle=deg,deviation=um")
+            };
+            read(&text, &test, &settings)
+        };
+        let ccw = (0..120).map(|n| ((91.5 + 3.0 * f64::from(n)) % 360.0, "ccw"));
+        let cw = (0..120).map(|n| ((448.5 - 3.0 * f64::from(n)) % 360.0, "cw"));
+        let both: Vec<_> = ccw.chain(cw).collect();
+        let imported = read(&both).expect("two circles");
+        assert_eq!(imported.counts.read, 240);
+        // 1.5 degrees, behind 358.5.
+        let at = &imported.events[90].axis_positions;
+        assert!((at[0] - 0.15 * 1.5_f64.to_radians().cos()).abs() < 1e-12);
+        // Twice the same angle, and 0 behind 360, go on.
+        assert!(read(&[(270.0, "ccw"), (270.0, "ccw"), (360.0, "ccw"), (0.0, "ccw")]).is_ok());
+        let back = read(&[(358.5, "ccw"), (1.5, "ccw"), (358.5, "ccw")]).expect_err("back");
+        assert!(
+            back.to_string()
+                .starts_with("line 4, column 1: expected an angle that continues ccw")
+        );
+        assert!(read(&[(1.5, "cw"), (358.5, "cw"), (1.5, "cw")]).is_err());
+    }
+
+    /// Position, direction and deviation in um of each reading, in order.
+    fn deviations(imported: &Imported) -> Vec<(f64, f64)> {
+        let of = |(event, point): (&ProbeEvent, &InspectionPoint)| {
+            let at = event.axis_positions[0];
+            (at, ((point.position.x - at) * 1e9).round() / 1e3)
+        };
+        imported
+            .events
+            .iter()
+            .zip(&imported.plan.points)
+            .map(of)
+            .collect()
+    }
+
+    #[test]
+    fn a_measured_position_less_the_commanded_one_is_a_deviation() {
+        let text = "Run,Axis,Approach,Commanded (mm),Measured (mm)\n1,X,fwd,0,-0.02532\n1,X,FWD,40,39.97597\n\
+                    1,X,rev,40,40.00520\n1,X,Reverse,0,0.00197\n";
+        let columns = "axis=Axis,commanded=Commanded (mm),measured=Measured (mm),direction=Approach,repeat=Run";
+        let mut settings = Settings {
+            columns: columns.to_owned(),
+            ..settings("length=mm")
+        };
+        let imported = read(text, &Test::Positioning, &settings).expect("readings");
+        let expected = [(0.0, -25.32), (0.04, -24.03), (0.04, 5.2), (0.0, 1.97)];
+        assert_eq!(deviations(&imported), expected);
+        settings.columns.push_str(",deviation=Run");
+        assert!(read(text, &Test::Positioning, &settings).is_err());
+        settings.columns = "axis=Axis".to_owned();
+        let asked = read(text, &Test::Positioning, &settings).expect_err("no repeat");
+        assert!(
+            asked.to_string().contains("--columns repeat=COLUMN"),
+            "{asked}"
+        );
+        settings.columns = columns.to_owned();
+        let words = text.replace("rev,", "left,");
+        let refused = read(&words, &Test::Positioning, &settings).expect_err("no direction");
+        assert!(
+            refused
+                .to_string()
+                .starts_with("line 4, column 5: expected a direction"),
+            "{refused}"
+        );
+    }
+
+    #[test]
+    fn runs_stand_side_by_side() {
+        let text = "Target,1 up,1 down,2 up,2 down\n0,-23.1,-10.7,-23,-10\n20,-21.4,-9.2,-21,-9\n";
+        let side = "axis=X,target=Target,forward_deviation.1=1 up,reverse_deviation.1=1 down,forward_deviation.2=2 up,reverse_deviation.2=2 down";
+        let read = |columns: &str| {
+            let settings = Settings {
+                columns: columns.to_owned(),
+                ..settings("length=mm,deviation=um")
+            };
+            read(text, &Test::Positioning, &settings)
+        };
+        let expected = [
+            (0.0, -23.1),
+            (0.02, -21.4),
+            (0.02, -9.2),
+            (0.0, -10.7),
+            (0.0, -23.0),
+            (0.02, -21.0),
+            (0.02, -9.0),
+            (0.0, -10.0),
+        ];
+        assert_eq!(deviations(&read(side).expect("readings")), expected);
+        for (wrong, says) in [
+            (
+                side.replace("deviation.2", "deviation.b"),
+                "forward_deviation.b names no run",
+            ),
+            (format!("{side},repeat=1"), "leave repeat out"),
+        ] {
+            let told = read(&wrong).expect_err("wrong").to_string();
+            assert!(told.contains(says), "{told}");
+        }
+    }
+
+    #[test]
+    fn positions_forward_and_reverse_stand_side_by_side() {
+        let settings = Settings {
+            layout: Layout {
+                delimiter: ' ',
+                header: false,
+                ..Layout::default()
+            },
+            columns: "axis=X,repeat=1,target=#1,forward=#2,reverse=#3".to_owned(),
+            ..settings("length=mm")
+        };
+        let text = "0.000 -0.0231 -0.0107\n20.000 19.9786 19.9908\n";
+        let imported = read(text, &Test::Positioning, &settings).expect("readings");
+        let expected = [(0.0, -23.1), (0.02, -21.4), (0.02, -9.2), (0.0, -10.7)];
+        assert_eq!(deviations(&imported), expected);
+    }
 }

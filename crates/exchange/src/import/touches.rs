@@ -23,6 +23,8 @@ use crate::ImportError;
 use crate::table::{Layout, Row, Table};
 use crate::units::{Quantity, Units};
 
+/// s
+const DAY: f64 = 86_400.0;
 /// No coordinate is farther away, m: the diagnosis takes none.
 const FARTHEST: f64 = 1e3;
 
@@ -68,16 +70,8 @@ pub struct Machine {
 ///
 /// # Errors
 /// The first mistake, with line and column where there is one; with `skip_bad_rows` only what concerns the whole file.
-pub fn read(text: &str, settings: &Settings) -> Result<Imported, ImportError> {
-    read_table(&Table::read(text, settings.layout)?, settings)
-}
-
-/// As [`read`], of a table that was read already.
-///
-/// # Errors
-/// As [`read`].
 pub fn read_table(table: &Table, settings: &Settings) -> Result<Imported, ImportError> {
-    let columns = Columns::parse(&settings.columns, table)?;
+    let (columns, table) = Columns::with_constants(&settings.columns, table)?;
     let mut reader = Reader::new(settings, &columns)?;
     let mut imported = Imported {
         robot_description: reader.urdf.clone(),
@@ -99,7 +93,10 @@ pub fn read_table(table: &Table, settings: &Settings) -> Result<Imported, Import
         }
     }
     if imported.counts.read == 0 {
-        return Err(ImportError::whole("the file has no touch"));
+        return Err(ImportError::whole(format!(
+            "the file has no touch{}",
+            table.hint()
+        )));
     }
     reader.finish(&mut imported);
     Ok(imported)
@@ -121,6 +118,51 @@ enum Raw {
     Ball([f64; 3]),
 }
 
+/// Seconds of the day of `HH:MM` or `HH:MM:SS`, also with AM or PM.
+fn clock(text: &str) -> Option<f64> {
+    let text = text.trim().to_ascii_uppercase();
+    let (text, half) = match (text.strip_suffix("AM"), text.strip_suffix("PM")) {
+        (Some(text), _) => (text.trim(), Some(0.0)),
+        (_, Some(text)) => (text.trim(), Some(12.0)),
+        _ => (text.as_str(), None),
+    };
+    let (hours, rest) = text.split_once(':')?;
+    let (minutes, seconds) = rest.split_once(':').unwrap_or((rest, "0"));
+    let number = |text: &str, below: f64| {
+        let digits = text
+            .bytes()
+            .all(|byte| byte.is_ascii_digit() || byte == b'.');
+        let value = text.parse::<f64>().ok().filter(|_| digits)?;
+        (value < below).then_some(value)
+    };
+    let whole = |text: &str, below: f64| number(text, below).filter(|value| value.fract() == 0.0);
+    let hours = match half {
+        Some(half) => whole(hours, 13.0).filter(|hours| *hours > 0.0)? % 12.0 + half,
+        None => whole(hours, 24.0)?,
+    };
+    Some(hours * 3600.0 + whole(minutes, 60.0)? * 60.0 + number(seconds, 60.0)?)
+}
+
+/// Columns of angle, radius and Z of a shaft, where one of them is named.
+fn shaft(columns: &Columns) -> Result<Option<[usize; 3]>, ImportError> {
+    match ["angle", "radius", "nominal_z"].map(|role| columns.get(role)) {
+        [None, None, _] => Ok(None),
+        [Some(angle), Some(radius), Some(z)] => Ok(Some([angle, radius, z])),
+        _ => Err(ImportError::whole(
+            "angle, radius and nominal_z go together: name all three, or a number for all rows (radius=25,nominal_z=0)",
+        )),
+    }
+}
+
+/// Columns that say where a touch is made, in the part frame.
+#[derive(Clone, Copy)]
+enum Place {
+    /// Nominal point and outward normal.
+    Point([usize; 3], [usize; 3]),
+    /// Angle about Z, radius and Z of a shaft.
+    Shaft([usize; 3]),
+}
+
 /// A touch with the time it was made, s; sorted by it in the end.
 struct Touch {
     time: f64,
@@ -132,7 +174,7 @@ struct Reader<'a> {
     settings: &'a Settings,
     columns: &'a Columns,
     measured: Measured,
-    nominal: Option<([usize; 3], [usize; 3])>,
+    nominal: Option<Place>,
     urdf: String,
     chain: Chain,
     placed: Nominal,
@@ -141,6 +183,8 @@ struct Reader<'a> {
     known: BTreeMap<(String, Vec<u64>), u32>,
     rotary: Vec<usize>,
     temperatures: Vec<(String, usize)>,
+    /// Clock of the last row, s, and days before it.
+    clock: Option<(f64, f64)>,
     touches: Vec<Touch>,
 }
 
@@ -164,19 +208,31 @@ impl<'a> Reader<'a> {
         let chain =
             Chain::from_urdf(&urdf).map_err(|error| ImportError::whole(error.to_string()))?;
         let measured = measured(settings, columns, &chain)?;
-        let position = columns.triple(["nominal_x", "nominal_y", "nominal_z"])?;
+        let shaft = shaft(columns)?;
+        let position = match shaft {
+            Some(_) => columns
+                .get("nominal_x")
+                .or(columns.get("nominal_y"))
+                .map(|one| [one; 3]),
+            None => columns.triple(["nominal_x", "nominal_y", "nominal_z"])?,
+        };
         let normal = columns.triple(["i", "j", "k"])?;
-        let nominal = match (&settings.plan, position, normal, columns.get("point")) {
-            (Some(_), None, None, Some(_)) => None,
+        let place = match (position, normal, shaft) {
+            (Some(position), Some(normal), None) => Some(Place::Point(position, normal)),
+            (None, None, Some(shaft)) => Some(Place::Shaft(shaft)),
+            _ => None,
+        };
+        let nominal = match (&settings.plan, place, columns.get("point")) {
+            (Some(_), None, Some(_)) if position.is_none() && normal.is_none() => None,
             (Some(_), ..) => {
                 return Err(ImportError::whole(
                     "with a plan the file has a column point, and neither nominal points nor normals",
                 ));
             }
-            (None, Some(position), Some(normal), None) => Some((position, normal)),
+            (None, Some(place), None) => Some(place),
             (None, ..) => {
                 return Err(ImportError::whole(
-                    "name the columns nominal_x, nominal_y, nominal_z and i, j, k, or give a plan and name the column point",
+                    "name the columns nominal_x, nominal_y, nominal_z and i, j, k, of a shaft angle, radius and nominal_z, or give a plan and name the column point",
                 ));
             }
         };
@@ -221,6 +277,7 @@ impl<'a> Reader<'a> {
             plan,
             known: BTreeMap::new(),
             rotary,
+            clock: None,
             touches: Vec::new(),
         })
     }
@@ -333,9 +390,19 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Seconds of the row's instant; since 1970 where it is a date.
-    fn time(&self, row: &Row, index: usize) -> Result<f64, ImportError> {
+    /// Seconds of the row's instant; since 1970 where it is a date, and since the midnight before the first row where it is a clock.
+    fn time(&mut self, row: &Row, index: usize) -> Result<f64, ImportError> {
         let (unit, factor) = self.settings.units.of(Quantity::Time)?;
+        if unit == "clock" {
+            let time = clock(&row.cell(index)?.text);
+            let time =
+                time.ok_or_else(|| row.wrong(index, "expected a clock as in 23:59 or 23:59:30"))?;
+            let (before, days) = self.clock.unwrap_or((time, 0.0));
+            // Set back by more than half a day, it has passed midnight.
+            let days = days + f64::from(u8::from(time < before - DAY / 2.0));
+            self.clock = Some((time, days));
+            return Ok(days * DAY + time);
+        }
         if unit != "rfc3339" {
             let time = factor * row.number(index, self.settings.layout)?;
             return if (0.0..f64::from(i32::MAX)).contains(&time) {
@@ -355,9 +422,34 @@ impl<'a> Reader<'a> {
             .ok_or_else(|| row.wrong(index, "expected a date and time as in 2026-01-31T12:00:00Z"))
     }
 
+    /// Nominal point, m, and normal.
+    fn place(&self, row: &Row, place: Place) -> Result<([f64; 3], [f64; 3]), ImportError> {
+        match place {
+            Place::Point(position, normal_at) => {
+                let position = self.lengths(row, position)?;
+                let mut normal = [0.0; 3];
+                for (value, index) in normal.iter_mut().zip(normal_at) {
+                    *value = row.number(index, self.settings.layout)?;
+                }
+                let normal = unit(normal)
+                    .ok_or_else(|| row.wrong(normal_at[0], "expected i, j, k of unit length"))?;
+                Ok((position, normal))
+            }
+            Place::Shaft([angle, radius_at, z]) => {
+                let (sine, cosine) = self.si(row, angle, Quantity::Angle)?.sin_cos();
+                let radius = self.si(row, radius_at, Quantity::Length)?;
+                if radius <= 0.0 {
+                    return Err(row.wrong(radius_at, "expected a radius above 0"));
+                }
+                let z = self.si(row, z, Quantity::Length)?;
+                Ok(([radius * cosine, radius * sine, z], [cosine, sine, 0.0]))
+            }
+        }
+    }
+
     /// The row's point in the plan, which is added to where the rows make the plan.
     fn point(&mut self, row: &Row, rotary: &[f64], feed: f64) -> Result<u32, ImportError> {
-        let Some((position_at, normal_at)) = self.nominal else {
+        let Some(place) = self.nominal else {
             let index = self.columns.get("point").unwrap_or_default();
             let count = self.plan.points.len();
             let found = row.cell(index)?.text.parse::<u32>().ok();
@@ -370,13 +462,7 @@ impl<'a> Reader<'a> {
                     )
                 });
         };
-        let position = self.lengths(row, position_at)?;
-        let mut normal = [0.0; 3];
-        for (value, index) in normal.iter_mut().zip(normal_at) {
-            *value = row.number(index, self.settings.layout)?;
-        }
-        let normal = unit(normal)
-            .ok_or_else(|| row.wrong(normal_at[0], "expected i, j, k of unit length"))?;
+        let (position, normal) = self.place(row, place)?;
         let name = match self.columns.get("feature") {
             Some(index) if row.cell(index)?.text.is_empty() => {
                 return Err(row.wrong(index, "expected the name of a feature"));
@@ -535,4 +621,91 @@ fn measured(
         }
     };
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(layout: Layout, columns: &str) -> Settings {
+        Settings {
+            layout,
+            columns: columns.to_owned(),
+            units: Units::parse("length=in,angle=deg,deviation=thou").expect("units"),
+            machine: None,
+            ball_radius: None,
+            feed: None,
+            plan: None,
+            features: Vec::new(),
+            name: "shaft".to_owned(),
+            machined_on_this_machine: false,
+            skip_bad_rows: false,
+        }
+    }
+
+    fn read(text: &str, columns: &str) -> Result<Imported, ImportError> {
+        let layout = Layout::default();
+        read_table(&Table::read(text, layout)?, &settings(layout, columns))
+    }
+
+    #[test]
+    fn a_clock_passes_midnight() {
+        let text = "a,d,t\n0,1,11:59:30 PM\n1,1,23:59:59.5\n2,1,00:01\n3,1,12:02 am\n";
+        let roles = "angle=a,radius=1,nominal_z=0,deviation=d,time=t";
+        let settings = |layout| Settings {
+            units: Units::parse("length=mm,angle=deg,time=clock").expect("units"),
+            ..settings(layout, roles)
+        };
+        let layout = Layout::default();
+        let read = |text: &str| read_table(&Table::read(text, layout)?, &settings(layout));
+        let times: Vec<f64> = (read(text).expect("touches").events.iter())
+            .map(|event| {
+                let stamp = event.header.stamp;
+                f64::from(stamp.sec) + f64::from(stamp.nanosec) * 1e-9 - 86_370.0
+            })
+            .collect();
+        assert_eq!(times, [0.0, 29.5, 90.0, 150.0]);
+        for wrong in ["24:00", "7", "1:60", "13:00 PM", "1:2:3:4", "-1:00"] {
+            let told = read(&text.replace("00:01", wrong))
+                .expect_err(wrong)
+                .to_string();
+            assert!(
+                told.starts_with("line 4, column 5: expected a clock"),
+                "{told}"
+            );
+        }
+    }
+
+    #[test]
+    fn readings_of_a_dial_around_a_shaft() {
+        let text = "Section,Angle (deg),Reading (.001 in)\nA,0,+0.7\nA,90,-1.2\n";
+        let roles =
+            "angle=Angle (deg),radius=1,nominal_z=0.5,deviation=Reading (.001 in),feature=Section";
+        let imported = read(text, roles).expect("touches");
+        let points = &imported.plan.points;
+        let close = |found: [f64; 3], wanted: [f64; 3]| {
+            found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12)
+        };
+        assert!(close(points[0].position.into(), [0.0254, 0.0, 0.0127]));
+        assert!(close(points[1].position.into(), [0.0, 0.0254, 0.0127]));
+        assert!(close(points[1].normal.into(), [0.0, 1.0, 0.0]));
+        let tip: [f64; 3] = imported.events[1].tip.into();
+        assert!(close(tip, [0.0, 0.0254 - 1.2 * 25.4e-6, 0.0127]));
+        for (from, to, says) in [
+            (
+                ",nominal_z=0.5",
+                "",
+                "angle, radius and nominal_z go together",
+            ),
+            ("radius=1", "radius=0", "expected a radius above 0"),
+            (
+                "radius=1",
+                "radius=1,nominal_x=1",
+                "name the columns nominal_x",
+            ),
+        ] {
+            let wrong = read(text, &roles.replace(from, to)).expect_err(from);
+            assert!(wrong.to_string().contains(says), "{wrong}");
+        }
+    }
 }
