@@ -255,7 +255,7 @@ fn chosen(report: &Report, picks: &[String]) -> Result<Vec<DeclaredEffect>, Adop
     let mut chosen = Vec::new();
     for effect in &report.effects {
         if effect.indistinguishable_from.is_empty() {
-            chosen.push(report.declare(effect));
+            chosen.extend(report.declare_all(effect));
             continue;
         }
         let own = offers(effect);

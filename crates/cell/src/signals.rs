@@ -1,6 +1,6 @@
 //! Section `[[signals]]`: what is read of controllers beside the machine, and what it says.
 
-use std::{collections::BTreeSet, time::Duration};
+use std::collections::BTreeSet;
 
 use machine_state::{Role, Signal};
 use plc::{DataType, Poll, controller};
@@ -140,7 +140,7 @@ impl SignalSection {
             scale,
             offset,
             unit: self.unit().to_owned(),
-            period: Duration::from_secs_f64(self.period_s),
+            period_s: self.period_s,
         }
     }
 
@@ -183,22 +183,18 @@ impl Cell {
     }
 
     /// The controllers beside the machine, each with its signals.
-    ///
-    /// # Errors
-    /// A source that is none, which reading the cell file refuses.
-    pub fn polls(&self) -> Result<Vec<Poll>, String> {
+    pub fn polls(&self) -> Vec<Poll> {
         let mut polls: Vec<Poll> = Vec::new();
         for signal in &self.signals {
             match polls.iter_mut().find(|poll| poll.source == signal.source) {
                 Some(poll) => poll.signals.push(signal.read()),
                 None => polls.push(Poll {
                     source: signal.source.clone(),
-                    controller: controller(&signal.source)?,
                     signals: vec![signal.read()],
                 }),
             }
         }
-        Ok(polls)
+        polls
     }
 
     /// The same as `machine_state` watches them.

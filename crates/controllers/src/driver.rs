@@ -22,8 +22,11 @@ use std::{
     fmt::Debug,
     net::{TcpStream, ToSocketAddrs},
     path::PathBuf,
-    sync::Arc,
-    time::Duration,
+    sync::{
+        Arc,
+        mpsc::{Receiver, channel},
+    },
+    time::{Duration, Instant},
 };
 
 use graph::Instance;
@@ -196,6 +199,10 @@ pub struct RosSample<'a> {
     pub payload: &'a [u8],
     /// Instant of publication by the publisher's clock, ns since 1970.
     pub source_time: i64,
+    /// Instant of its arrival at this host, by a clock that nobody sets.
+    pub arrival: Instant,
+    /// Who published it: another publisher of the topic has another identifier.
+    pub publisher: [u8; 16],
 }
 
 /// A service of another node.
@@ -205,6 +212,29 @@ pub trait RosService: Send + Sync {
     /// # Errors
     /// A sentence.
     fn call(&self, request: &[u8], found: Duration, answered: Duration) -> Result<Vec<u8>, String>;
+
+    /// The same on a thread of its own: what is returned receives the answer.
+    fn begin(
+        self: Arc<Self>,
+        request: Vec<u8>,
+        found: Duration,
+        answered: Duration,
+    ) -> Receiver<Result<Vec<u8>, String>>
+    where
+        Self: 'static,
+    {
+        let (sender, receiver) = channel();
+        let thread = std::thread::Builder::new().name("robot call".to_owned());
+        // Nobody may wait for the answer any more.
+        let spawned = thread.spawn({
+            let sender = sender.clone();
+            move || drop(sender.send(self.call(&request, found, answered)))
+        });
+        if let Err(error) = spawned {
+            drop(sender.send(Err(error.to_string())));
+        }
+        receiver
+    }
 }
 
 /// Why a controller cannot be driven.

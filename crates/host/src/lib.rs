@@ -16,7 +16,7 @@
 //! | [`driver`] | polls the connection to a controller |
 //! | [`recording`] | the recorder |
 //! | [`parameters`] | the settings of the process as ROS 2 parameters, and descriptions of types |
-//! | [`signals`] | reads auxiliary controllers (PLCs) |
+//! | [`signals`] | publishes what a program beside this one reads of auxiliary controllers (PLCs) |
 //! | [`rosout`] | the log of the process on `/rosout` |
 //! | [`clock`] | stamps on the monotonic clock |
 //!

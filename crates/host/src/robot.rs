@@ -1,6 +1,10 @@
 //! The bus as a robot's driver sees it: topics and services of nodes that are not the cell's.
 
-use std::{any::Any, sync::Arc, time::Duration};
+use std::{
+    any::Any,
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use controllers::driver::{ConnectError, RosBus, RosSample, RosService, RosType};
 use tracing::error;
@@ -33,6 +37,8 @@ impl RosBus for Bus {
                 on_sample(RosSample {
                     payload: &received.payload,
                     source_time: received.source_time_ns,
+                    arrival: Instant::now(),
+                    publisher: received.publisher,
                 });
             }),
             Box::new(move |lost: Lost| {

@@ -114,27 +114,6 @@ pub fn parse(line: u64, text: &str, axes: usize) -> Result<Entry, ParseError> {
     Ok(entry)
 }
 
-/// Reads a whole log. The number of axes is that of the first touch.
-///
-/// # Errors
-/// Line and column of what is not of the format.
-pub fn read_log(text: &str) -> Result<Vec<Entry>, ParseError> {
-    let mut entries = Vec::new();
-    let mut axes = None;
-    for (line, content) in (1..).zip(text.lines()) {
-        if content.trim().is_empty() {
-            continue;
-        }
-        let width = content.split_whitespace().count().saturating_sub(3);
-        let entry = parse(line, content, axes.unwrap_or(width))?;
-        if matches!(entry, Entry::Probed { .. }) {
-            axes = axes.or(Some(width));
-        }
-        entries.push(entry);
-    }
-    Ok(entries)
-}
-
 /// Why a log could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {

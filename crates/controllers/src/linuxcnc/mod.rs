@@ -12,7 +12,6 @@
 
 pub mod client;
 pub mod config;
-mod dialect;
 pub mod driver;
 pub mod log;
 pub mod program;
@@ -20,10 +19,10 @@ pub mod protocol;
 mod settings;
 pub mod tool_table;
 
-/// Identifier of the driver and of the dialect.
+/// Identifier of the driver, and of the dialect of its programs.
 pub const NAME: &str = "linuxcnc";
 
-/// LinuxCNC: a driver and a dialect.
+/// The driver.
 #[derive(Clone, Copy, Debug)]
 pub struct LinuxCnc;
 

@@ -1,6 +1,9 @@
 //! The action by which the robot moves, and what its other clients share.
 
-use std::{sync::Arc, time::Duration};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use probecell_msgs::{builtin_interfaces::Time, std_msgs};
 
@@ -36,8 +39,8 @@ impl Action {
     }
 
     /// Cancels all goals, whoever has sent them.
-    pub(super) fn cancel(&self) -> Pending {
-        Pending::call(&self.cancel, wire::cancel_all(), ANSWER_LIMIT)
+    pub(super) fn cancel(&self, at: Instant) -> Pending {
+        Pending::call(&self.cancel, wire::cancel_all(), ANSWER_LIMIT, at)
     }
 }
 

@@ -3,44 +3,54 @@
 use std::{
     sync::{
         Arc,
-        mpsc::{Receiver, TryRecvError, channel},
+        mpsc::{Receiver, TryRecvError},
     },
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use crate::driver::RosService;
 
 /// A server that is not there is waited for this long.
 const FOUND: Duration = Duration::from_secs(2);
+/// A service says itself that nobody answers; it is believed to be stuck when it has not said so this much later.
+const STUCK: Duration = Duration::from_secs(1);
 
 /// What a service has answered: CDR, or a sentence.
 pub(super) type Answer = Result<Vec<u8>, String>;
 
 /// A call that is under way.
 #[derive(Debug)]
-pub(super) struct Pending(Receiver<Answer>);
+pub(super) struct Pending {
+    receiver: Receiver<Answer>,
+    /// It has no answer any more at this instant.
+    deadline: Instant,
+    limit: Duration,
+}
 
 impl Pending {
-    /// Calls `service` on a thread of its own.
-    pub(super) fn call(service: &Arc<dyn RosService>, request: Vec<u8>, within: Duration) -> Self {
-        let (sender, receiver) = channel();
-        let service = Arc::clone(service);
-        let thread = std::thread::Builder::new().name("robot call".to_owned());
-        // Nobody may wait for the answer any more.
-        let spawned = thread.spawn({
-            let sender = sender.clone();
-            move || drop(sender.send(service.call(&request, FOUND.min(within), within)))
-        });
-        if let Err(error) = spawned {
-            drop(sender.send(Err(error.to_string())));
+    /// Calls `service` at the instant `at`; its answer comes `within` that time or never.
+    pub(super) fn call(
+        service: &Arc<dyn RosService>,
+        request: Vec<u8>,
+        within: Duration,
+        at: Instant,
+    ) -> Self {
+        let found = FOUND.min(within);
+        let limit = found + within + STUCK;
+        Self {
+            receiver: Arc::clone(service).begin(request, found, within),
+            deadline: at + limit,
+            limit,
         }
-        Self(receiver)
     }
 
     /// The answer, once it is there.
-    pub(super) fn answer(&self) -> Option<Answer> {
-        match self.0.try_recv() {
+    pub(super) fn answer(&self, at: Instant) -> Option<Answer> {
+        match self.receiver.try_recv() {
             Ok(answer) => Some(answer),
+            Err(TryRecvError::Empty) if at >= self.deadline => {
+                Some(Err(format!("no answer within {} s", self.limit.as_secs())))
+            }
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => Some(Err("the call has ended".to_owned())),
         }
@@ -48,7 +58,7 @@ impl Pending {
 
     /// The answer, waited for.
     pub(super) fn wait(&self, within: Duration) -> Answer {
-        self.0
+        self.receiver
             .recv_timeout(within)
             .unwrap_or_else(|_| Err("no answer".to_owned()))
     }

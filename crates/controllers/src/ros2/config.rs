@@ -48,7 +48,7 @@ pub struct RawContact {
 pub enum ContactPositions {
     /// The robot latches them.
     Latched,
-    /// From the samples of the joints before and after the instant of the contact.
+    /// From the samples of the joints up to the instant of the contact.
     Interpolated,
 }
 

@@ -8,7 +8,7 @@ use std::{
     any::Any,
     collections::BTreeSet,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use machine::Chain;
@@ -18,9 +18,11 @@ use self::work::Work;
 use super::{
     action::{ANSWER_LIMIT, Action, header},
     config::RawConfig,
-    measuring::{Frame, Measurement, Progress},
+    leg::World,
+    measuring::{Measurement, Progress},
     program::{Offsets, Program},
     received::{self, Received},
+    trajectory::Frame,
     wire,
 };
 use crate::driver::{ConnectError, Connection, DriverOutput, Inbox, RosBus, RosSample};
@@ -55,11 +57,11 @@ impl Robot {
         chain: Chain,
         bus: &dyn RosBus,
     ) -> Result<Self, ConnectError> {
-        let names = received::names(&chain, &config.joints)?;
+        let axes = received::axes(&chain, &config.joints)?;
         if let Some(program) = &config.program {
             program.check_frame(&chain)?;
         }
-        let received = Arc::new(Mutex::new(Received::new(names)));
+        let received = Arc::new(Mutex::new(Received::new(axes, &config)));
         let hear = |take: fn(&mut Received, RosSample<'_>)| {
             let received = Arc::clone(&received);
             Box::new(move |sample: RosSample<'_>| take(&mut lock(&received), sample))
@@ -109,23 +111,29 @@ impl Robot {
     }
 
     /// Whether the robot is there, and its offsets are known; one that was away begins a new session.
-    fn update_presence(&mut self, now: i64, out: &mut Vec<DriverOutput>) -> bool {
-        let silence = lock(&self.received).silence();
+    fn update_presence(&mut self, now: i64, at: Instant, out: &mut Vec<DriverOutput>) -> bool {
+        let silence = lock(&self.received).silence(at);
         let is_heard = silence.is_some_and(|silence| silence < SILENCE);
         if self.present && !is_heard {
             self.present = false;
-            lock(&self.received).forget();
-            self.end_work(
-                now,
-                "controller_lost: the robot publishes no joint states",
-                out,
-            );
+            let reason = {
+                let mut received = lock(&self.received);
+                let reason = received.reason();
+                received.forget(&self.config);
+                reason
+            };
+            if self.work.is_some() {
+                // It may still hear what it does not answer; nobody waits for that.
+                drop(self.action.cancel(at));
+            }
+            let text = format!("controller_lost: the robot publishes no joint states{reason}");
+            self.end_work(now, &text, out);
             if let Some(program) = &mut self.program {
                 program.forget();
             }
         }
         if let Some(program) = &mut self.program {
-            program.poll(now, &self.session, out);
+            program.poll(now, at, &self.session, out);
         }
         let known = self.program.as_ref().is_none_or(Program::is_known);
         if !self.present && is_heard && known {
@@ -137,11 +145,19 @@ impl Robot {
             self.taken.clear();
             self.triggers = 0;
             self.alarms.clear();
+            // Its clock may be another.
+            self.last_stamp = 0;
         }
         self.present
     }
 
-    fn execute(&mut self, now: i64, command: &ControllerCommand, out: &mut Vec<DriverOutput>) {
+    fn execute(
+        &mut self,
+        now: i64,
+        at: Instant,
+        command: &ControllerCommand,
+        out: &mut Vec<DriverOutput>,
+    ) {
         if command.session != self.session {
             let text = "it is addressed to another session";
             return out.push(reply(
@@ -158,11 +174,11 @@ impl Robot {
         let begun = match command.kind {
             ControllerCommand::STOP => {
                 self.alarms.clear();
-                self.begin_stop(now, Some(command.clone()), "stopped");
+                self.begin_stop(at, Some(command.clone()), "stopped");
                 Ok(())
             }
-            ControllerCommand::RUN_OPERATION => self.begin_cut(command),
-            ControllerCommand::RUN_MEASUREMENT => self.begin_measurement(command),
+            ControllerCommand::RUN_OPERATION => self.begin_cut(command, at),
+            ControllerCommand::RUN_MEASUREMENT => self.begin_measurement(command, at),
             ControllerCommand::SET_TOOL_WEAR | ControllerCommand::SET_WORK_OFFSET => {
                 match &mut self.program {
                     Some(program) => program.write(command.clone()),
@@ -189,47 +205,61 @@ impl Robot {
         }
     }
 
-    fn begin_cut(&mut self, command: &ControllerCommand) -> Result<(), String> {
+    fn begin_cut(&mut self, command: &ControllerCommand, at: Instant) -> Result<(), String> {
         self.idle()?;
         let program = self.program.as_ref();
         let program = program.ok_or_else(|| "the robot has no operations".to_owned())?;
-        self.work = Some(Work::Cut(Box::new(program.cut(command.clone())?)));
+        self.work = Some(Work::Cut(Box::new(program.cut(command.clone(), at)?)));
         Ok(())
     }
 
-    fn begin_measurement(&mut self, command: &ControllerCommand) -> Result<(), String> {
+    fn begin_measurement(
+        &mut self,
+        command: &ControllerCommand,
+        at: Instant,
+    ) -> Result<(), String> {
         self.idle()?;
-        {
-            let received = lock(&self.received);
-            if received
-                .level_silence()
-                .is_none_or(|silence| silence > SILENCE)
-            {
-                return Err(format!(
-                    "no message is received on {}: the probe's level is unknown",
-                    self.config.contact.topic
-                ));
-            }
+        let received = lock(&self.received);
+        self.check_level(&received, at)?;
+        if let Some(fault) = received.recent_fault(at) {
+            return Err(fault.to_owned());
         }
-        self.work = Some(Work::Measure(Box::new(Measurement::new(command.clone()))));
+        let faults = received.faults();
+        drop(received);
+        let measurement = Measurement::new(command.clone(), faults);
+        self.work = Some(Work::Measure(Box::new(measurement)));
         Ok(())
     }
 
-    fn work(&mut self, now: i64, out: &mut Vec<DriverOutput>) {
+    /// The level of the probe is known.
+    fn check_level(&self, received: &Received, at: Instant) -> Result<(), String> {
+        match received.level_silence(at) {
+            Some(silence) if silence <= SILENCE => Ok(()),
+            _ => Err(format!(
+                "no message is received on {}: the probe's level is unknown",
+                self.config.contact.topic
+            )),
+        }
+    }
+
+    fn work(&mut self, now: i64, at: Instant, out: &mut Vec<DriverOutput>) {
         match self.work.take() {
             None => {}
-            Some(Work::Stop(stopping)) => self.continue_stop(now, *stopping, out),
-            Some(Work::Cut(cut)) => match cut.ended() {
+            Some(Work::Stop(stopping)) => self.continue_stop(now, at, *stopping, out),
+            Some(Work::Cut(cut)) => match cut.ended(at) {
                 None => self.work = Some(Work::Cut(cut)),
                 Some(ended) => self.conclude(now, &cut.command, ended, out),
             },
-            Some(Work::Measure(measurement)) => self.continue_measurement(now, measurement, out),
+            Some(Work::Measure(measurement)) => {
+                self.continue_measurement(now, at, measurement, out);
+            }
         }
     }
 
     fn continue_measurement(
         &mut self,
         now: i64,
+        at: Instant,
         mut measurement: Box<Measurement>,
         out: &mut Vec<DriverOutput>,
     ) {
@@ -242,24 +272,17 @@ impl Robot {
             Ok(frame) => frame,
             Err(text) => return self.conclude(now, &measurement.command, Err(text), out),
         };
-        let received = lock(&self.received);
-        let progress = if received
-            .level_silence()
-            .is_none_or(|silence| silence > SILENCE)
-        {
-            Progress::Broken(format!(
-                "controller_alarm: no message is received on {}",
-                self.config.contact.topic
-            ))
-        } else {
-            measurement.poll(
-                now,
-                &received,
-                &self.action,
-                &frame,
-                self.inbox.order.as_ref(),
-                &self.config.contact,
-            )
+        let world = World {
+            now,
+            at,
+            action: &self.action,
+            frame: &frame,
+            contact: &self.config.contact,
+        };
+        let mut received = lock(&self.received);
+        let progress = match self.check_level(&received, at) {
+            Err(text) => Progress::Broken(format!("controller_alarm: {text}")),
+            Ok(()) => measurement.poll(&mut received, &world, self.inbox.order.as_ref()),
         };
         drop(received);
         for mut trigger in measurement.triggers.drain(..) {
@@ -275,7 +298,7 @@ impl Robot {
                 let (_, alarm) = text.split_once(": ").unwrap_or(("", &text));
                 self.alarms.push(alarm.to_owned());
                 self.work = Some(Work::Measure(measurement));
-                self.begin_stop(now, None, &text);
+                self.begin_stop(at, None, &text);
             }
         }
     }
@@ -304,6 +327,13 @@ impl Connection for Robot {
     }
 
     fn poll(&mut self, now: i64) -> Vec<DriverOutput> {
+        self.poll_at(now, Instant::now())
+    }
+}
+
+impl Robot {
+    /// A poll at the instant `at` by the clock of arrivals.
+    pub(super) fn poll_at(&mut self, now: i64, at: Instant) -> Vec<DriverOutput> {
         let mut out = Vec::new();
         if let Some(why) = self.inbox.stop.take()
             && self
@@ -311,7 +341,7 @@ impl Connection for Robot {
                 .as_ref()
                 .is_some_and(|work| !matches!(work, Work::Stop(_)))
         {
-            self.begin_stop(now, None, &format!("gate_lost: {why}"));
+            self.begin_stop(at, None, &format!("gate_lost: {why}"));
             // This process may be about to end: the machine stands before anything is said.
             if let Some(Work::Stop(stopping)) = &mut self.work {
                 for call in std::mem::take(&mut stopping.calls) {
@@ -321,23 +351,24 @@ impl Connection for Robot {
                 }
             }
         }
-        let present = self.update_presence(now, &mut out);
+        let present = self.update_presence(now, at, &mut out);
         for command in std::mem::take(&mut self.inbox.commands) {
             if present {
-                self.execute(now, &command, &mut out);
+                self.execute(now, at, &command, &mut out);
             } else {
-                let text = "controller_lost: the robot is not there";
+                let reason = lock(&self.received).reason();
+                let text = format!("controller_lost: the robot is not there{reason}");
                 out.push(reply(
                     now,
                     &self.session,
                     &command,
                     ControllerReply::REFUSED,
-                    text,
+                    &text,
                 ));
             }
         }
         if present {
-            self.work(now, &mut out);
+            self.work(now, at, &mut out);
             self.sample(&mut out);
         }
         out

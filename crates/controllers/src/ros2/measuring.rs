@@ -1,34 +1,37 @@
 //! A measurement: each move of the order is one goal of `FollowJointTrajectory`, and a probing move ends at the contact.
 //!
 //! A rapid move is straight in the joints and follows the motion model of the cell ([`machine::motion`]); a move at a feed
-//! takes the way of the ball over the feed. At a contact all goals are cancelled, so that the robot stops; where it was at the
-//! contact it has latched, or is interpolated between the samples of its joints.
+//! takes the way of the ball over the feed. A contact that arrives after a goal was sent cancels all goals, so that the robot
+//! stops; what its stamp says is looked at afterwards. Where the robot was at the contact it has latched, or it is found from
+//! the samples of its joints ([`machine::contact_position`]).
+//!
+//! Nothing is sent unless the robot stands, its newest sample is new, and its messages are those of one publisher with one clock.
 
 use std::time::{Duration, Instant};
 
-use machine::{Chain, Nominal};
-use nalgebra::{Isometry3, Point3};
-use probecell_msgs::{
-    ControllerCommand, InspectionPlan, MeasurementOrder, ProbeTrigger, ProbingMove,
-};
+use machine::contact_position::POSITION_LIMIT;
+use probecell_msgs::{ControllerCommand, MeasurementOrder, ProbeTrigger, ProbingMove};
 
 use super::{
-    action::{ANSWER_LIMIT, Action, header},
+    action::{ANSWER_LIMIT, header},
     calls::Pending,
     config::{ContactPositions, RawContact},
-    program::shifts,
+    leg::{Leg, STANDSTILL_LIMIT, World, rest},
     received::{Joints, Received},
-    wire::{self, GoalId, Waypoint},
+    trajectory::{Frame, SAME, check_start, goal_id, trajectory},
+    wire,
 };
 
-/// Between two waypoints of a rapid move, s.
-const STEP: f64 = 0.02;
 /// A robot may take this much longer than its trajectory.
 const LATE: f64 = 60.0;
-/// Where targets differ by less (m or rad), nothing moves.
-const SAME: f64 = 1e-9;
 /// The positions of a contact come within this time.
 const CONTACT_LIMIT: Duration = Duration::from_secs(2);
+/// A goal is sent from a sample of the joints that has come within this time: two samples at 10 Hz.
+const NEW: Duration = Duration::from_millis(250);
+/// Enough messages to compare the clocks come within this time: a level that is published once a second is heard twelve times.
+const CLOCK_LIMIT: Duration = Duration::from_secs(12);
+/// s; the smallest delays of two publishers, each the best of ten messages or more, differ by less than this on a host under load.
+const CLOCK_RESOLUTION: f64 = 1e-3;
 
 /// How far a measurement has got.
 pub(super) enum Progress {
@@ -38,64 +41,6 @@ pub(super) enum Progress {
     Broken(String),
 }
 
-/// The frame in which the program runs, against that of the robot.
-pub(super) struct Frame<'a> {
-    chain: &'a Chain,
-    offsets: &'a [(String, f64)],
-    pose: Isometry3<f64>,
-    ball: Point3<f64>,
-}
-
-impl<'a> Frame<'a> {
-    pub(super) fn new(
-        chain: &'a Chain,
-        plan: &InspectionPlan,
-        offsets: &'a [(String, f64)],
-    ) -> Result<Self, String> {
-        let nominal = Nominal::from_plan(plan).map_err(|error| error.to_string())?;
-        Ok(Self {
-            chain,
-            offsets,
-            pose: nominal.part_pose,
-            ball: nominal.ball,
-        })
-    }
-
-    /// Positions of the robot for programmed ones.
-    fn actual(&self, programmed: &[f64]) -> Result<Vec<f64>, String> {
-        self.shifted(programmed, 1.0)
-    }
-
-    /// Programmed positions for those of the robot.
-    pub(super) fn programmed(&self, actual: &[f64]) -> Result<Vec<f64>, String> {
-        self.shifted(actual, -1.0)
-    }
-
-    fn shifted(&self, positions: &[f64], sign: f64) -> Result<Vec<f64>, String> {
-        let shifts = shifts(self.chain, self.offsets, sign);
-        self.chain
-            .with_work_offsets(positions, shifts.into_iter(), &self.pose, &self.ball)
-            .map_err(|error| error.to_string())
-    }
-
-    fn ball(&self, positions: &[f64]) -> Point3<f64> {
-        self.chain.ball_in_part(positions, &self.pose, &self.ball)
-    }
-}
-
-/// One move on its way.
-struct Leg {
-    /// ns; contacts and standstills of this move are newer.
-    begun: i64,
-    goal: GoalId,
-    sent: Option<Pending>,
-    result: Option<Pending>,
-    cancel: Option<Pending>,
-    contact: Option<(i64, Instant)>,
-    limit: Duration,
-    ended: bool,
-}
-
 /// A measurement under way.
 pub(super) struct Measurement {
     pub(super) command: ControllerCommand,
@@ -103,27 +48,36 @@ pub(super) struct Measurement {
     pub(super) triggers: Vec<ProbeTrigger>,
     next: usize,
     leg: Option<Leg>,
+    /// Wrong messages that had come before.
+    faults: u64,
+    /// Since when nothing can be sent, as clocks are not known or the robot does not stand.
+    waiting: Option<Instant>,
 }
 
 impl Measurement {
-    pub(super) fn new(command: ControllerCommand) -> Self {
+    /// `faults` messages were wrong before.
+    pub(super) fn new(command: ControllerCommand, faults: u64) -> Self {
         Self {
             command,
             triggers: Vec::new(),
             next: 0,
             leg: None,
+            faults,
+            waiting: None,
         }
+    }
+
+    /// A goal that the robot has not answered yet.
+    pub(super) fn unanswered(&mut self) -> Option<Pending> {
+        self.leg.as_mut()?.sent.take()
     }
 
     /// Goes on as far as what was received allows.
     pub(super) fn poll(
         &mut self,
-        now: i64,
-        received: &Received,
-        action: &Action,
-        frame: &Frame<'_>,
+        received: &mut Received,
+        world: &World<'_>,
         order: Option<&MeasurementOrder>,
-        contact: &RawContact,
     ) -> Progress {
         let Some(order) = order.filter(|order| {
             order.plan_id == self.command.plan_id && order.order == self.command.order
@@ -133,10 +87,18 @@ impl Measurement {
         let Some(one) = order.moves.get(self.next) else {
             return Progress::Ended;
         };
-        let done = match self.leg.take() {
-            None => self.begin(now, received, action, frame, (order, one)),
-            Some(leg) => self.follow(leg, received, action, frame, one, contact),
-        };
+        let limit = clock_limit(world.contact, order);
+        let done = self
+            .check(received, world, limit)
+            .and_then(|known| match self.leg.take() {
+                None if !known => self.wait(
+                    world.at,
+                    CLOCK_LIMIT,
+                    "too few messages have come to compare the clocks of joint states and contact",
+                ),
+                None => self.begin(received, world, (order, one)),
+                Some(leg) => self.follow(leg, received, world, one, limit),
+            });
         match done {
             Ok(false) => Progress::Working,
             Ok(true) => {
@@ -147,24 +109,55 @@ impl Measurement {
         }
     }
 
+    /// Whether the messages of the robot may be believed; false while that is not known.
+    fn check(
+        &self,
+        received: &Received,
+        world: &World<'_>,
+        limit: Duration,
+    ) -> Result<bool, String> {
+        if received.faults() > self.faults {
+            return Err(alarm(received.fault()));
+        }
+        match world.contact.positions {
+            ContactPositions::Latched => Ok(true),
+            ContactPositions::Interpolated => received.one_clock(limit).map_err(alarm),
+        }
+    }
+
+    /// Nothing is sent yet, for `limit` at most.
+    fn wait(&mut self, at: Instant, limit: Duration, why: &str) -> Result<bool, String> {
+        let since = *self.waiting.get_or_insert(at);
+        if at.saturating_duration_since(since) > limit {
+            return Err(alarm(why));
+        }
+        Ok(false)
+    }
+
     /// Sends the goal of a move; true where it is none.
     fn begin(
         &mut self,
-        now: i64,
-        received: &Received,
-        action: &Action,
-        frame: &Frame<'_>,
+        received: &mut Received,
+        world: &World<'_>,
         (order, one): (&MeasurementOrder, &ProbingMove),
     ) -> Result<bool, String> {
-        let alarm = |text: String| format!("controller_alarm: {text}");
+        let frame = world.frame;
+        let is_new = received.silence(world.at).is_some_and(|age| age < NEW);
+        if !(is_new && received.stands_since(None)) {
+            let why = "the robot moves although nothing of this cell moves it, or its joint states come too seldom to tell";
+            return self.wait(world.at, STANDSTILL_LIMIT, why);
+        }
+        self.waiting = None;
         let Some(newest) = received.newest() else {
             return Ok(false);
         };
         let from = newest.positions.clone();
         let is_touch = one.kind == ProbingMove::TOUCH;
-        if is_touch && received.level() == Some(true) {
-            self.trigger(one, frame, newest, [true, true])
-                .map_err(alarm)?;
+        if one.kind != ProbingMove::RETRACT && received.level() == Some(true) {
+            if is_touch {
+                self.trigger(one, frame, newest, [true, true])
+                    .map_err(alarm)?;
+            }
             return Err(format!(
                 "probe_stuck: the probe was tripped where the move to point {} began",
                 one.point_index
@@ -173,7 +166,7 @@ impl Measurement {
         let target = frame
             .chain
             .positions(&order.axis_names, &one.axis_positions);
-        let target = target.map_err(|error| alarm(error.to_string()))?;
+        let target = target.map_err(alarm)?;
         let target = frame.actual(&target).map_err(alarm)?;
         let moves = from.iter().zip(&target).any(|(a, b)| (a - b).abs() > SAME);
         if !moves {
@@ -184,19 +177,30 @@ impl Measurement {
             return Ok(true);
         }
         let points = trajectory(frame, &from, &target, one.feed);
+        check_start(frame.chain, &newest.positions, &points).map_err(alarm)?;
         let duration = points.last().map_or(0.0, |last| last.time);
-        let names = received.joint_names();
-        let goal = goal_id(now, self.next);
-        let request = wire::send_goal(&goal, names, &points);
+        let goal = goal_id(world.now, self.next);
+        let request = wire::send_goal(&goal, &received.joint_names(), &points);
+        let begun = newest.stamp;
+        // From here on a contact stops the robot, also one that comes before the goal does.
+        received.arm(world.action, rest(one));
         self.leg = Some(Leg {
-            begun: newest.stamp,
+            begun,
+            sent_at: world.at,
+            counts: received.counts(),
             goal,
-            sent: Some(Pending::call(&action.send, request, ANSWER_LIMIT)),
+            sent: Some(Pending::call(
+                &world.action.send,
+                request,
+                ANSWER_LIMIT,
+                world.at,
+            )),
             result: None,
-            cancel: None,
+            cancels: Vec::new(),
             contact: None,
             limit: Duration::from_secs_f64(duration + LATE),
-            ended: false,
+            ended: None,
+            failed: None,
         });
         Ok(false)
     }
@@ -205,77 +209,63 @@ impl Measurement {
     fn follow(
         &mut self,
         mut leg: Leg,
-        received: &Received,
-        action: &Action,
-        frame: &Frame<'_>,
+        received: &mut Received,
+        world: &World<'_>,
         one: &ProbingMove,
-        contact: &RawContact,
+        clock: Duration,
     ) -> Result<bool, String> {
-        let alarm = |text: String| format!("controller_alarm: {text}");
-        if leg.contact.is_none()
-            && one.kind != ProbingMove::RETRACT
-            && let Some(trip) = received.trip_after(leg.begun)
-        {
-            leg.contact = Some((trip, Instant::now()));
-            leg.cancel = Some(action.cancel());
-            if one.kind != ProbingMove::TOUCH {
-                return Err(format!(
-                    "unplanned_touch: probe tripped during non-probe move to point {}",
-                    one.point_index
-                ));
-            }
-        }
-        answered(&mut leg, action).map_err(alarm)?;
-        if let Some(answer) = leg.result.as_ref().and_then(Pending::answer) {
-            leg.result = None;
-            leg.ended = true;
-            let (status, code, text) = answer
-                .and_then(|response| {
-                    let result = wire::result(&response);
-                    result.ok_or_else(|| "the result is no FollowJointTrajectory".to_owned())
-                })
-                .map_err(alarm)?;
-            // A robot may end a cancelled goal as it likes.
-            if status != wire::STATUS_SUCCEEDED && leg.contact.is_none() {
-                return Err(alarm(format!(
-                    "the trajectory has ended with status {status}, error {code} {text}"
-                )));
-            }
-        }
-        if !(leg.ended && received.stands_since(leg.begun)) {
+        leg.look_for_contact(received, world, one);
+        let went_on = leg.go_on(world).and_then(|()| leg.check_end(world.at, one));
+        if leg.contact.is_some() && one.kind != ProbingMove::TOUCH {
             self.leg = Some(leg);
-            return Ok(false);
+            return Err(format!(
+                "unplanned_touch: probe tripped during non-probe move to point {}",
+                one.point_index
+            ));
         }
+        if let Err(text) = went_on {
+            self.leg = Some(leg);
+            return Err(alarm(text));
+        }
+        let is_open = leg.failed.is_some() && leg.contact.is_none();
+        let has_ended = leg.ended.is_some() && !is_open;
+        if !(has_ended && received.stands_since(Some(leg.sent_at))) {
+            let late = leg.is_late(world.at);
+            self.leg = Some(leg);
+            return late.map(|()| false).map_err(alarm);
+        }
+        received.disarm();
         if one.kind != ProbingMove::TOUCH {
             return Ok(true);
         }
         let Some((trip, since)) = leg.contact else {
             let newest = received.newest().cloned();
-            let newest = newest.ok_or_else(|| alarm("no joint states".to_owned()))?;
-            self.trigger(one, frame, &newest, [false, false])
+            let newest = newest.ok_or_else(|| alarm("no joint states"))?;
+            self.trigger(one, world.frame, &newest, [false, false])
                 .map_err(alarm)?;
             return Ok(true);
         };
-        let latch = match contact.positions {
-            ContactPositions::Latched => received.latched_after(leg.begun).cloned(),
-            ContactPositions::Interpolated => {
-                received.at(trip - (contact.delay_ms * 1e6).round() as i64)
-            }
-        };
-        match latch {
-            Some(latch) => {
-                self.trigger(one, frame, &latch, [true, false])
+        match leg.touched(trip, received, world, clock) {
+            Ok(Some(joints)) => {
+                self.trigger(one, world.frame, &joints, [true, false])
                     .map_err(alarm)?;
                 Ok(true)
             }
-            None if since.elapsed() > CONTACT_LIMIT => Err(alarm(format!(
-                "the positions of the contact at point {} have not come",
-                one.point_index
-            ))),
-            None => {
+            Ok(None) if world.at.saturating_duration_since(since) > CONTACT_LIMIT => {
+                Err(alarm(format!(
+                    "the positions of the contact at point {} have not come",
+                    one.point_index
+                )))
+            }
+            Ok(None) => {
                 self.leg = Some(leg);
                 Ok(false)
             }
+            Err(text) => Err(alarm(format!(
+                "the touch of point {} at {:.6} s is refused: {text}",
+                one.point_index,
+                trip.stamp as f64 * 1e-9
+            ))),
         }
     }
 
@@ -302,61 +292,17 @@ impl Measurement {
     }
 }
 
-/// Takes the answer to a goal, and asks for its result.
-fn answered(leg: &mut Leg, action: &Action) -> Result<(), String> {
-    let Some(answer) = leg.sent.as_ref().and_then(Pending::answer) else {
-        return Ok(());
-    };
-    leg.sent = None;
-    match wire::accepted(&answer?) {
-        Some(true) => {
-            let request = wire::get_result(&leg.goal);
-            leg.result = Some(Pending::call(&action.result, request, leg.limit));
-            Ok(())
-        }
-        Some(false) => Err("the robot does not accept the trajectory".to_owned()),
-        None => Err("the answer to the trajectory is no FollowJointTrajectory".to_owned()),
-    }
+fn alarm(text: impl std::fmt::Display) -> String {
+    format!("controller_alarm: {text}")
 }
 
-/// A goal is of one measurement of one driver.
-fn goal_id(now: i64, number: usize) -> GoalId {
-    let mut id = [0; 16];
-    id[..8].copy_from_slice(&now.to_le_bytes());
-    id[8..].copy_from_slice(&(number as u64 + 1).to_le_bytes());
-    id
-}
-
-/// From one set of positions to another; `feed` (m/s of the ball in the part) 0 is rapid.
-fn trajectory(frame: &Frame<'_>, from: &[f64], to: &[f64], feed: f64) -> Vec<Waypoint> {
-    let at = |share: f64| {
-        from.iter()
-            .zip(to)
-            .map(|(a, b)| a + (b - a) * share)
-            .collect()
-    };
-    let motion = frame.chain.motion();
-    if feed > 0.0 {
-        let distance = (frame.ball(to) - frame.ball(from)).norm();
-        // Where the ball stays, the axes decide.
-        let time = (distance / feed).max(motion.time(from, to)).max(STEP);
-        return vec![Waypoint {
-            time,
-            positions: to.to_vec(),
-        }];
-    }
-    let profile = motion.leading(from, to);
-    let duration = profile.map_or_else(|| motion.time(from, to), |profile| profile.duration());
-    let steps = (duration / STEP).ceil().max(1.0) as usize;
-    let times = (1..=steps).map(|step| duration.max(STEP) * step as f64 / steps as f64);
-    times
-        .map(|time| Waypoint {
-            time,
-            positions: match profile {
-                _ if time >= duration => to.to_vec(),
-                Some(profile) => at(profile.share_at(time)),
-                None => at(time / duration),
-            },
-        })
-        .collect()
+/// By how much the clocks of joints and contact may differ: what that does to a touch at the highest feed of the order is within
+/// [`POSITION_LIMIT`], or within three standard uncertainties of its instant, which are in U already.
+fn clock_limit(contact: &RawContact, order: &MeasurementOrder) -> Duration {
+    let touches = order.moves.iter();
+    let touches = touches.filter(|one| one.kind == ProbingMove::TOUCH);
+    let feed = touches.map(|one| one.feed).fold(0.0, f64::max);
+    let stated = 3.0 * contact.time_standard_uncertainty_ms * 1e-3;
+    let seconds = (POSITION_LIMIT / feed.max(POSITION_LIMIT)).max(stated);
+    Duration::from_secs_f64(seconds.max(CLOCK_RESOLUTION))
 }

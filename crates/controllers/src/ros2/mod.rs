@@ -1,5 +1,5 @@
 //! A robot behind plain ROS 2: `joint_states`, the action `FollowJointTrajectory`, a contact signal `std_msgs/Bool`, and where
-//! it cuts, services and parameters of its program (docs/driver-guide.md, "A robot on ROS 2").
+//! it cuts, services and parameters of its program (docs/driver/ros2-robot.md).
 //!
 //! ```text
 //!   joint_states, contact [, latched positions] ---> received --> poll: samples, triggers
@@ -8,16 +8,24 @@
 //! ```
 //!
 //! Nothing here waits: calls of services run on threads of their own ([`calls`]), and a poll looks what has come. The machine
-//! is stopped by cancelling all goals. Positions that the cell sees are those of the program: where a work offset shifts the
+//! is stopped by cancelling all goals. What moves it is checked first: one publisher of each topic, one clock, positions that an
+//! arm can have ([`received`], [`publisher`]). Positions that the cell sees are those of the program: where a work offset shifts the
 //! frame of an arm, they are the robot's without that shift.
 
 mod action;
 mod calls;
 mod config;
 mod connection;
+mod leg;
 mod measuring;
 mod program;
+mod publisher;
 mod received;
+#[cfg(test)]
+mod simulated;
+#[cfg(test)]
+mod tests;
+mod trajectory;
 mod wire;
 
 pub use config::{

@@ -40,10 +40,10 @@ pub(super) struct Cut {
 
 impl Cut {
     /// How the operation has ended.
-    pub(super) fn ended(&self) -> Option<Result<(), String>> {
+    pub(super) fn ended(&self, at: Instant) -> Option<Result<(), String>> {
         Some(
             self.call
-                .answer()?
+                .answer(at)?
                 .and_then(|response| match wire::triggered(&response) {
                     None => Err("the answer of the operation is no std_srvs/Trigger".to_owned()),
                     Some((true, _)) => Ok(()),
@@ -184,12 +184,12 @@ impl Program {
         }
     }
 
-    pub(super) fn stop(&self) -> Pending {
-        Pending::call(&self.stop, wire::trigger(), ANSWER_LIMIT)
+    pub(super) fn stop(&self, at: Instant) -> Pending {
+        Pending::call(&self.stop, wire::trigger(), ANSWER_LIMIT, at)
     }
 
     /// Begins an operation.
-    pub(super) fn cut(&self, command: ControllerCommand) -> Result<Cut, String> {
+    pub(super) fn cut(&self, command: ControllerCommand, at: Instant) -> Result<Cut, String> {
         let known = self
             .operations
             .iter()
@@ -206,7 +206,7 @@ impl Program {
                 operation: Arc::clone(service),
             }),
         };
-        let call = Pending::call(&service, wire::trigger(), CUT_LIMIT);
+        let call = Pending::call(&service, wire::trigger(), CUT_LIMIT, at);
         Ok(Cut { command, call })
     }
 
@@ -237,11 +237,17 @@ impl Program {
     }
 
     /// Reads the offsets now and then, and writes what is to be written.
-    pub(super) fn poll(&mut self, now: i64, session: &str, out: &mut Vec<DriverOutput>) {
+    pub(super) fn poll(
+        &mut self,
+        now: i64,
+        at: Instant,
+        session: &str,
+        out: &mut Vec<DriverOutput>,
+    ) {
         if self.parameters.is_empty() {
             return;
         }
-        if let Some(answer) = self.reading.as_ref().and_then(Pending::answer) {
+        if let Some(answer) = self.reading.as_ref().and_then(|one| one.answer(at)) {
             self.reading = None;
             // A reading from before the last write is no evidence.
             if self.writing.is_none()
@@ -251,29 +257,37 @@ impl Program {
                 self.values = Some(values);
             }
         }
-        let due = self.read_at.is_none_or(|at| at.elapsed() > READ_PERIOD);
+        let due = self
+            .read_at
+            .is_none_or(|last| at.saturating_duration_since(last) > READ_PERIOD);
         if due && self.reading.is_none() && self.writing.is_none() {
-            self.read_at = Some(Instant::now());
-            self.reading = Some(self.read());
+            self.read_at = Some(at);
+            self.reading = Some(self.read(at));
         }
-        self.continue_writing(now, session, out);
+        self.continue_writing(now, at, session, out);
     }
 
-    fn read(&self) -> Pending {
+    fn read(&self, at: Instant) -> Pending {
         let names: Vec<&str> = self.parameters.iter().map(String::as_str).collect();
-        Pending::call(&self.get, wire::get_parameters(&names), ANSWER_LIMIT)
+        Pending::call(&self.get, wire::get_parameters(&names), ANSWER_LIMIT, at)
     }
 
-    fn continue_writing(&mut self, now: i64, session: &str, out: &mut Vec<DriverOutput>) {
+    fn continue_writing(
+        &mut self,
+        now: i64,
+        at: Instant,
+        session: &str,
+        out: &mut Vec<DriverOutput>,
+    ) {
         let Some(mut writing) = self.writing.take() else {
             if self.reading.is_none()
                 && let Some(command) = self.waiting.pop_front()
             {
-                self.begin(command);
+                self.begin(command, at);
             }
             return;
         };
-        let Some(answer) = writing.call.answer() else {
+        let Some(answer) = writing.call.answer(at) else {
             self.writing = Some(writing);
             return;
         };
@@ -296,7 +310,7 @@ impl Program {
             match refused {
                 Ok(Ok(())) => {
                     writing.written = true;
-                    writing.call = self.read();
+                    writing.call = self.read(at);
                     self.writing = Some(writing);
                     return;
                 }
@@ -307,7 +321,7 @@ impl Program {
         out.push(written(now, session, &writing.command, ended));
     }
 
-    fn begin(&mut self, command: ControllerCommand) {
+    fn begin(&mut self, command: ControllerCommand, at: Instant) {
         let (Ok(index), Some(values)) = (self.index(&command), &self.values) else {
             return;
         };
@@ -317,7 +331,7 @@ impl Program {
             before: values[index],
             index,
             command,
-            call: Pending::call(&self.set, request, ANSWER_LIMIT),
+            call: Pending::call(&self.set, request, ANSWER_LIMIT, at),
             written: false,
         });
     }

@@ -135,7 +135,7 @@ impl BusConfig {
     /// # Errors
     /// The setting that Zenoh refuses, in a sentence.
     pub fn check(&self) -> Result<(), BusError> {
-        self.to_zenoh().map(drop)
+        self.to_zenoh().and_then(|settings| spoken(&settings))
     }
 
     /// Sockets that a session opens, also when its router has gone and comes back.
@@ -248,7 +248,7 @@ impl RouterConfig {
     /// # Errors
     /// The setting that Zenoh refuses, in a sentence.
     pub fn check(&self) -> Result<(), BusError> {
-        self.to_zenoh().map(drop)
+        self.to_zenoh().and_then(|settings| spoken(&settings))
     }
 
     pub(super) fn to_zenoh(&self) -> Result<zenoh::Config, BusError> {
@@ -312,6 +312,41 @@ pub(super) fn overlay(base: &mut Value, over: &Value) {
     }
 }
 
+/// Protocols of links that are built into this program: TLS by the feature `tls`.
+const PROTOCOLS: &[&str] = if cfg!(feature = "tls") {
+    &["tcp", "unixsock-stream", "tls"]
+} else {
+    &["tcp", "unixsock-stream"]
+};
+
+/// Refuses endpoints of a protocol that is not built in.
+pub(super) fn spoken(settings: &zenoh::Config) -> Result<(), BusError> {
+    let mut endpoints = Vec::new();
+    for key in ["connect/endpoints", "listen/endpoints"] {
+        let text = settings.get_json(key).unwrap_or_default();
+        texts(
+            &serde_json::from_str(&text).unwrap_or_default(),
+            &mut endpoints,
+        );
+    }
+    let protocol = |endpoint: &str| endpoint.split('/').next().unwrap_or_default().to_owned();
+    let unknown = |endpoint: &&String| !PROTOCOLS.contains(&protocol(endpoint).as_str());
+    let Some(endpoint) = endpoints.iter().find(unknown) else {
+        return Ok(());
+    };
+    let reason = if protocol(endpoint) == "tls" {
+        format!(
+            "{endpoint}: this program is built without TLS; `cargo build --release --features tls` builds it with TLS"
+        )
+    } else {
+        format!(
+            "{endpoint}: the protocol must be one of {}",
+            PROTOCOLS.join(", ")
+        )
+    };
+    Err(BusError::Config { reason })
+}
+
 fn parse(settings: &Value) -> Result<zenoh::Config, BusError> {
     zenoh::Config::from_json5(&settings.to_string()).map_err(|reason| BusError::Config {
         reason: without_source_lines(&reason.to_string()),
@@ -321,6 +356,26 @@ fn parse(settings: &Value) -> Result<zenoh::Config, BusError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_protocol_that_is_not_built_in_is_refused_in_a_sentence() {
+        let check = |endpoint: &str| {
+            let endpoints = vec![endpoint.to_owned()];
+            let config = BusConfig {
+                endpoints,
+                ..BusConfig::default()
+            };
+            config.check().map_err(|error| error.to_string())
+        };
+        assert_eq!(check("tcp/10.0.0.7:7447"), Ok(()));
+        let quic = check("quic/10.0.0.7:7447").unwrap_err();
+        assert!(
+            quic.contains("quic/10.0.0.7:7447: the protocol must be one of tcp"),
+            "{quic}"
+        );
+        let tls = check("tls/cell.example:7447");
+        assert_eq!(tls.is_ok(), cfg!(feature = "tls"), "{tls:?}");
+    }
 
     #[test]
     fn overrides_reach_zenoh_and_leave_their_neighbours() {

@@ -10,7 +10,7 @@ use serde_json::json;
 use zenoh::Wait;
 
 use super::BusError;
-use super::config::{BusConfig, RouterConfig};
+use super::config::{BusConfig, RouterConfig, spoken};
 
 /// A running router; dropping it stops it.
 pub struct Router {
@@ -25,6 +25,7 @@ impl Router {
     /// [`BusError::Config`] for settings that Zenoh refuses; [`BusError::Transport`] for anything else.
     pub fn start(config: &RouterConfig) -> Result<Self, BusError> {
         let settings = config.to_zenoh()?;
+        spoken(&settings)?;
         match zenoh::open(settings).wait() {
             Ok(session) => Ok(Self { session }),
             Err(reason) => Err(config

@@ -59,6 +59,7 @@ pub(super) fn open_session(
     tokens: Option<String>,
 ) -> Result<(zenoh::Session, LiveGraph, Option<Subscriber<()>>), BusError> {
     let settings = config.to_zenoh()?;
+    super::config::spoken(&settings)?;
     let session = zenoh::open(settings)
         .wait()
         .map_err(|reason| BusError::NoRouter {

@@ -5,7 +5,7 @@ use probecell_msgs::{ControllerStatus, MachineState};
 use super::{Robot, lock, work::Work};
 use crate::{
     driver::DriverOutput,
-    ros2::{action::header, measuring::Frame, program::Offsets, received::Joints},
+    ros2::{action::header, program::Offsets, received::Joints, trajectory::Frame},
 };
 
 /// s; the positions of the program are all but linear in time for so long.

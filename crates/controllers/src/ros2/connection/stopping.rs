@@ -8,25 +8,36 @@ use super::{
     Robot, lock, reply,
     work::{Stopping, Work},
 };
-use crate::{driver::DriverOutput, ros2::program::Program};
+use crate::driver::DriverOutput;
 
 /// Longest time of a stop.
 const STOP_LIMIT: Duration = Duration::from_millis(4500);
 
 impl Robot {
     /// Begins to end what is under way; nothing else begins meanwhile.
-    pub(super) fn begin_stop(&mut self, now: i64, command: Option<ControllerCommand>, why: &str) {
-        let mut calls = vec![self.action.cancel()];
+    pub(super) fn begin_stop(
+        &mut self,
+        at: Instant,
+        command: Option<ControllerCommand>,
+        why: &str,
+    ) {
+        lock(&self.received).disarm();
+        let mut calls = vec![self.action.cancel(at)];
+        let mut goal = None;
         let interrupted = match self.work.take() {
             None => None,
-            Some(Work::Measure(measurement)) => Some((measurement.command, why.to_owned())),
+            Some(Work::Measure(mut measurement)) => {
+                goal = measurement.unanswered();
+                Some((measurement.command, why.to_owned()))
+            }
             Some(Work::Cut(cut)) => {
-                calls.extend(self.program.as_ref().map(Program::stop));
+                calls.extend(self.program.as_ref().map(|program| program.stop(at)));
                 Some((cut.command, why.to_owned()))
             }
             Some(Work::Stop(stopping)) => {
                 // The former stop ends with this one.
                 calls.extend(stopping.calls);
+                goal = stopping.goal;
                 stopping.interrupted
             }
         };
@@ -34,8 +45,8 @@ impl Robot {
             command,
             interrupted,
             calls,
-            since: Instant::now(),
-            begun: now,
+            goal,
+            since: at,
             failure: None,
         })));
     }
@@ -65,11 +76,19 @@ impl Robot {
     pub(super) fn continue_stop(
         &mut self,
         now: i64,
+        at: Instant,
         mut stopping: Stopping,
         out: &mut Vec<DriverOutput>,
     ) {
+        if let Some(answer) = stopping.goal.as_ref().and_then(|goal| goal.answer(at)) {
+            stopping.goal = None;
+            // One that was accepted after it was cancelled would still run.
+            if answer.is_ok() {
+                stopping.calls.push(self.action.cancel(at));
+            }
+        }
         let failure = &mut stopping.failure;
-        stopping.calls.retain(|call| match call.answer() {
+        stopping.calls.retain(|call| match call.answer(at) {
             None => true,
             Some(Ok(_)) => false,
             Some(Err(text)) => {
@@ -77,8 +96,9 @@ impl Robot {
                 false
             }
         });
-        let stands = stopping.calls.is_empty() && lock(&self.received).stands_since(stopping.begun);
-        let late = stopping.since.elapsed() > STOP_LIMIT;
+        let answered = stopping.calls.is_empty() && stopping.goal.is_none();
+        let stands = answered && lock(&self.received).stands_since(Some(stopping.since));
+        let late = at.saturating_duration_since(stopping.since) > STOP_LIMIT;
         if !(stands || late) {
             self.work = Some(Work::Stop(Box::new(stopping)));
             return;

@@ -20,8 +20,9 @@ pub(super) struct Stopping {
     /// What was under way, and what is said of it.
     pub(super) interrupted: Option<(ControllerCommand, String)>,
     pub(super) calls: Vec<Pending>,
+    /// A goal that was sent before and is not answered yet: it may begin after it was cancelled.
+    pub(super) goal: Option<Pending>,
+    /// Samples of a robot that stands have come later.
     pub(super) since: Instant,
-    /// ns; samples of a robot that stands are newer.
-    pub(super) begun: i64,
     pub(super) failure: Option<String>,
 }

@@ -1,0 +1,184 @@
+//! One move of a measurement on its way: its goal, the contact that ends it, and where the robot was then.
+
+use std::time::{Duration, Instant};
+
+use machine::contact_position::{Sample, locate};
+use probecell_msgs::ProbingMove;
+
+use super::{
+    action::Action,
+    calls::Pending,
+    config::{ContactPositions, RawContact},
+    received::{Joints, Received, Trip},
+    trajectory::Frame,
+    wire::{self, GoalId},
+};
+
+/// The message of a contact at which a robot ends its trajectory itself comes within this time after.
+const CONTACT_FOLLOWS: Duration = Duration::from_millis(500);
+/// A robot stands within this time after its trajectory, or after a contact.
+pub(super) const STANDSTILL_LIMIT: Duration = Duration::from_millis(4500);
+/// A probe that is retracted bounces when it comes free; a contact of the way back comes after it has rested for this long.
+const BOUNCE: Duration = Duration::from_millis(50);
+
+/// What a measurement goes on by.
+pub(super) struct World<'a> {
+    pub(super) now: i64,
+    pub(super) at: Instant,
+    pub(super) action: &'a Action,
+    pub(super) frame: &'a Frame<'a>,
+    pub(super) contact: &'a RawContact,
+}
+
+/// One move on its way.
+pub(super) struct Leg {
+    /// ns by the clock of the joints; samples of this move are newer.
+    pub(super) begun: i64,
+    /// Samples of a standstill after this move have come later.
+    pub(super) sent_at: Instant,
+    /// How many contacts and latched positions had come before.
+    pub(super) counts: [u64; 2],
+    pub(super) goal: GoalId,
+    pub(super) sent: Option<Pending>,
+    pub(super) result: Option<Pending>,
+    pub(super) cancels: Vec<Pending>,
+    pub(super) contact: Option<(Trip, Instant)>,
+    pub(super) limit: Duration,
+    pub(super) ended: Option<Instant>,
+    /// How the trajectory has ended, where not at its target.
+    pub(super) failed: Option<String>,
+}
+
+impl Leg {
+    /// A contact that has come since the goal was sent has cancelled it, or does now.
+    pub(super) fn look_for_contact(
+        &mut self,
+        received: &mut Received,
+        world: &World<'_>,
+        one: &ProbingMove,
+    ) {
+        if self.contact.is_some() {
+            return;
+        }
+        if let Some(trip) = received.trip_after(self.counts[0], rest(one)) {
+            self.contact = Some((trip, world.at));
+            let cancel = received.disarm();
+            self.cancels
+                .push(cancel.unwrap_or_else(|| world.action.cancel(world.at)));
+        }
+    }
+
+    /// Takes the answer to a goal, asks for its result, and takes that.
+    pub(super) fn go_on(&mut self, world: &World<'_>) -> Result<(), String> {
+        if let Some(answer) = self.sent.as_ref().and_then(|sent| sent.answer(world.at)) {
+            self.sent = None;
+            match wire::accepted(&answer?) {
+                Some(true) => {
+                    let request = wire::get_result(&self.goal);
+                    let result = Pending::call(&world.action.result, request, self.limit, world.at);
+                    self.result = Some(result);
+                    if self.contact.is_some() {
+                        // The goal may have come after what cancelled it.
+                        self.cancels.push(world.action.cancel(world.at));
+                    }
+                }
+                Some(false) => return Err("the robot does not accept the trajectory".to_owned()),
+                None => {
+                    return Err(
+                        "the answer to the trajectory is no FollowJointTrajectory".to_owned()
+                    );
+                }
+            }
+        }
+        let mut failed = None;
+        self.cancels.retain(|call| match call.answer(world.at) {
+            None => true,
+            Some(answer) => {
+                failed = failed.take().or(answer.err());
+                false
+            }
+        });
+        if let Some(text) = failed {
+            return Err(format!("the trajectory could not be cancelled: {text}"));
+        }
+        let Some(answer) = self.result.as_ref().and_then(|one| one.answer(world.at)) else {
+            return Ok(());
+        };
+        self.result = None;
+        self.ended = Some(world.at);
+        let (status, code, text) = wire::result(&answer?)
+            .ok_or_else(|| "the result is no FollowJointTrajectory".to_owned())?;
+        // A robot may end a goal as it likes that was cancelled, or that it ends at the contact itself.
+        if status != wire::STATUS_SUCCEEDED {
+            self.failed = Some(format!(
+                "the trajectory has ended with status {status}, error {code} {text}"
+            ));
+        }
+        Ok(())
+    }
+
+    /// A trajectory that has not come to its target has met a contact, whose message may be on its way.
+    pub(super) fn check_end(&self, at: Instant, one: &ProbingMove) -> Result<(), String> {
+        let (Some(text), Some(ended), None) = (&self.failed, self.ended, self.contact) else {
+            return Ok(());
+        };
+        let is_over = at.saturating_duration_since(ended) > CONTACT_FOLLOWS;
+        if one.kind != ProbingMove::TOUCH || is_over {
+            return Err(text.clone());
+        }
+        Ok(())
+    }
+
+    /// Where the robot was at a contact; none until that has come.
+    pub(super) fn touched(
+        &self,
+        trip: Trip,
+        received: &Received,
+        world: &World<'_>,
+        clock: Duration,
+    ) -> Result<Option<Joints>, String> {
+        if world.contact.positions == ContactPositions::Latched {
+            let Some(latched) = received.latched_after(self.counts[1]) else {
+                return Ok(None);
+            };
+            received.check_latched(latched, self.begun, clock)?;
+            return Ok(Some(latched.clone()));
+        }
+        let instant = trip.stamp - (world.contact.delay_ms * 1e6).round() as i64;
+        if received.newest().is_none_or(|last| last.stamp <= instant) {
+            return Ok(None);
+        }
+        let samples = received.samples_after(self.begun);
+        let samples = samples.iter().map(|one| {
+            let time = (one.stamp - instant) as f64 * 1e-9;
+            (time, one.positions.as_slice())
+        });
+        let samples: Vec<Sample<'_>> = samples.collect();
+        let (found, _) = locate(&samples, clock.as_secs_f64(), |positions| {
+            world.frame.ball(positions)
+        })?;
+        Ok(Some(Joints::at(instant, found)))
+    }
+
+    /// A robot stands soon after its trajectory, or after a contact.
+    pub(super) fn is_late(&self, at: Instant) -> Result<(), String> {
+        let after = |since: Option<Instant>, what: &str| match since {
+            Some(since) if at.saturating_duration_since(since) > STANDSTILL_LIMIT => Err(format!(
+                "the robot does not stand {:.1} s after {what}",
+                STANDSTILL_LIMIT.as_secs_f64()
+            )),
+            _ => Ok(()),
+        };
+        after(self.contact.map(|(_, since)| since), "the contact")?;
+        after(self.ended, "the end of its trajectory")
+    }
+}
+
+/// How long the probe has rested before a contact that counts during a move.
+pub(super) fn rest(one: &ProbingMove) -> Duration {
+    if one.kind == ProbingMove::RETRACT {
+        BOUNCE
+    } else {
+        Duration::ZERO
+    }
+}

@@ -1,0 +1,339 @@
+//! The driver against a simulated robot that misbehaves as robots do, in virtual time.
+
+use std::collections::BTreeSet;
+
+use machine::Chain;
+use probecell_msgs::ControllerReply;
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::{
+    simulated::{BRAKE, Behaviour, FEED, Outcome, World},
+    trajectory::check_start,
+    wire::Waypoint,
+};
+
+const MS: i64 = 1_000_000;
+
+fn measured(is: Behaviour) -> Outcome {
+    World::new(is).measure()
+}
+
+/// It has failed or was refused with this sentence; the arm stands.
+fn expect(outcome: &Outcome, says: &str) {
+    assert_ne!(outcome.reply.outcome, ControllerReply::DONE);
+    assert!(outcome.reply.text.contains(says), "{}", outcome.reply.text);
+    assert!(!outcome.is_moving, "it still moves");
+}
+
+fn expect_nothing_sent(outcome: &Outcome, says: &str) {
+    expect(outcome, says);
+    assert_eq!(outcome.goals, 0, "{}", outcome.reply.text);
+}
+
+/// It has measured the face at z = 0.
+fn expect_touch(outcome: &Outcome, within: f64) {
+    let text = &outcome.reply.text;
+    assert_eq!(outcome.reply.outcome, ControllerReply::DONE, "{text}");
+    let [touch] = outcome.triggers.as_slice() else {
+        panic!("{} triggers", outcome.triggers.len());
+    };
+    assert!(touch.tripped && !touch.tripped_before);
+    let error = touch.axis_positions[2];
+    assert!(error.abs() < within, "{:.1} µm", error * 1e6);
+}
+
+/// The deepest that an arm gets which stops at once when a contact arrives, m.
+fn deepest(is_jitter: i64) -> f64 {
+    // A step for the contact to be seen, one for what is called to be served, and one of the motion.
+    FEED * (is_jitter + BRAKE + 4 * MS) as f64 * 1e-9
+}
+
+#[test]
+fn a_robot_as_it_should_be_is_measured_at_every_rate_and_whether_it_stops_itself_or_not() {
+    for period in [1, 2, 4, 20] {
+        for stops_itself in [false, true] {
+            for seed in 0..4 {
+                let outcome = measured(Behaviour {
+                    seed,
+                    period: period * MS,
+                    stops_itself,
+                    ..Behaviour::default()
+                });
+                // At 50 Hz the samples bound the position to 4 µm.
+                expect_touch(&outcome, 4e-6);
+                assert_eq!(outcome.goals, 3);
+            }
+        }
+    }
+    let latched = measured(Behaviour {
+        latched: true,
+        ..Behaviour::default()
+    });
+    expect_touch(&latched, 1e-9);
+}
+
+#[test]
+fn a_contact_stops_the_arm_whatever_its_stamp() {
+    for latched in [false, true] {
+        let ahead: [fn(i64, bool) -> i64; 3] = [
+            |_, is_new| if is_new { 5_000 * MS } else { 0 },
+            |_, is_new| if is_new { -5_000 * MS } else { 0 },
+            |_, is_new| if is_new { -i64::MAX / 2 } else { 0 },
+        ];
+        for level_ahead in ahead {
+            let outcome = measured(Behaviour {
+                level_ahead,
+                latched,
+                ..Behaviour::default()
+            });
+            let depth = -outcome.lowest;
+            assert!(outcome.contact.is_some(), "it touches");
+            assert!(depth > 0.0 && depth < deepest(MS), "{:.3} mm", depth * 1e3);
+            expect(&outcome, "/contact");
+        }
+    }
+}
+
+#[test]
+fn over_clocks_and_jitter_the_arm_is_never_deeper_than_it_needs_to_stop() {
+    let mut random = Pcg64::seed_from_u64(200);
+    let (mut touched, mut refused) = (0, 0);
+    for seed in 0..200 {
+        // Half of the clocks differ by up to 1 s, half by up to 4 ms.
+        let most = if seed % 2 == 0 { 1_000 * MS } else { 4 * MS };
+        let offset = random.random_range(-most..=most);
+        let jitter = random.random_range(MS..20 * MS);
+        let outcome = measured(Behaviour {
+            seed,
+            offsets: [offset, 0],
+            jitter,
+            stops_itself: random.random_bool(0.3),
+            ..Behaviour::default()
+        });
+        let depth = (-outcome.lowest).max(0.0);
+        assert!(
+            depth < deepest(jitter),
+            "seed {seed}: {:.3} mm",
+            depth * 1e3
+        );
+        if outcome.reply.outcome == ControllerReply::DONE {
+            touched += 1;
+            // The difference of the clocks that is not seen: the limit of 2 ms, and what jitter of few messages leaves.
+            expect_touch(&outcome, FEED * 2e-3 + FEED * jitter as f64 * 1e-9);
+        } else {
+            refused += 1;
+            expect(&outcome, "both need one clock");
+        }
+        assert!(offset.abs() < 25 * MS || outcome.goals == 0, "seed {seed}");
+    }
+    println!("{touched} touched, {refused} refused");
+    assert!(touched > 30 && refused > 80, "{touched}, {refused}");
+}
+
+#[test]
+fn clocks_that_differ_are_refused_with_both_topics_and_the_difference() {
+    for (offsets, says) in [
+        ([200 * MS, 0], "the clock of /joint_states is 200."),
+        ([0, 100 * MS], "ms behind that of /contact"),
+        ([-500 * MS, 0], "ms behind that of /contact"),
+    ] {
+        let outcome = measured(Behaviour {
+            offsets,
+            jitter: MS / 5,
+            ..Behaviour::default()
+        });
+        expect_nothing_sent(&outcome, says);
+        assert!(outcome.reply.text.contains("2.0 ms are allowed"));
+    }
+}
+
+#[test]
+fn a_clock_that_runs_away_or_goes_back_ends_the_measurement() {
+    // 2 ms a second from the begin: 3 ms when the measurement begins, or from then on.
+    let runs = measured(Behaviour {
+        joints_ahead: |now| now / 500,
+        ..Behaviour::default()
+    });
+    expect(&runs, "both need one clock");
+    let later = measured(Behaviour {
+        joints_ahead: |now| (now - 1_600 * MS).max(0) / 50,
+        ..Behaviour::default()
+    });
+    expect(&later, "both need one clock");
+    assert!(
+        later.goals > 0 && later.contact.is_none(),
+        "{}",
+        later.goals
+    );
+    let back = measured(Behaviour {
+        joints_ahead: |now| if now > 1_700 * MS { -3_000 * MS } else { 0 },
+        ..Behaviour::default()
+    });
+    expect(
+        &back,
+        "the stamps of /joint_states have gone back by 2996.0 ms",
+    );
+    assert!(back.goals > 0 && back.contact.is_none());
+    assert!(back.cancelled.is_some());
+}
+
+#[test]
+fn joint_states_without_stamps_are_refused_in_a_sentence() {
+    let outcome = measured(Behaviour {
+        no_stamps: true,
+        ..Behaviour::default()
+    });
+    expect_nothing_sent(&outcome, "the stamps of /joint_states are zero");
+}
+
+#[test]
+fn a_level_published_once_a_second_is_waited_for_and_enough() {
+    let outcome = measured(Behaviour {
+        beat: 990 * MS,
+        ..Behaviour::default()
+    });
+    expect_touch(&outcome, 1e-6);
+}
+
+#[test]
+fn joint_states_that_come_too_seldom_refuse_the_touch_with_its_instant() {
+    let outcome = measured(Behaviour {
+        period: 100 * MS,
+        ..Behaviour::default()
+    });
+    expect(&outcome, "the touch of point 0 at 1700000");
+    let depth = -outcome.lowest;
+    assert!(depth < deepest(MS), "{:.3} mm", depth * 1e3);
+}
+
+#[test]
+fn two_publishers_of_joint_states_keep_the_arm_from_moving_and_stop_it() {
+    // Far away, and next to where the arm is.
+    for elsewhere in [[0.0, 1.6, 0.0], [0.0, 0.0, 4.9e-3]] {
+        let before = measured(Behaviour {
+            second: Some((0, elsewhere)),
+            ..Behaviour::default()
+        });
+        expect_nothing_sent(&before, "two nodes publish /joint_states");
+        let under_way = measured(Behaviour {
+            second: Some((1_620 * MS, elsewhere)),
+            ..Behaviour::default()
+        });
+        expect(&under_way, "/joint_states");
+        assert!(under_way.cancelled.is_some() && under_way.contact.is_none());
+    }
+}
+
+#[test]
+fn a_jump_beyond_top_speed_stops_the_arm() {
+    let elsewhere = [0.0, 1.6, 0.0];
+    let before = measured(Behaviour {
+        jump: Some((1_480 * MS, elsewhere)),
+        ..Behaviour::default()
+    });
+    let says =
+        "/joint_states: joint \"Y\" jumps by 1.6000 m in 4.0 ms, and its top speed is 1.000 m/s";
+    expect_nothing_sent(&before, says);
+    let under_way = measured(Behaviour {
+        jump: Some((1_640 * MS, elsewhere)),
+        ..Behaviour::default()
+    });
+    expect(&under_way, says);
+    assert!(under_way.cancelled.is_some() && under_way.contact.is_none());
+}
+
+#[test]
+fn goals_without_an_answer_and_standstills_that_do_not_come_end_by_a_deadline() {
+    let seconds = |outcome: &Outcome| (outcome.times[1] - outcome.times[0]) / (1_000 * MS);
+    let unanswered = measured(Behaviour {
+        answers_goals: false,
+        ..Behaviour::default()
+    });
+    expect(&unanswered, "no answer within 7 s");
+    assert!(seconds(&unanswered) < 15);
+    assert!(unanswered.cancelled.is_some());
+    let creeping = measured(Behaviour {
+        creeps: 0.02,
+        ..Behaviour::default()
+    });
+    expect_nothing_sent(
+        &creeping,
+        "the robot moves although nothing of this cell moves it",
+    );
+    assert!(seconds(&creeping) < 15);
+    let silent = measured(Behaviour {
+        silent_from: 1_640 * MS,
+        ..Behaviour::default()
+    });
+    assert!(
+        silent
+            .reply
+            .text
+            .contains("the robot publishes no joint states")
+    );
+    assert!(silent.contact.is_none() || -silent.lowest < deepest(MS));
+}
+
+#[test]
+fn a_goal_that_is_accepted_after_it_was_cancelled_is_cancelled_again() {
+    // The clock goes back while the touch is not answered yet, which begins only then.
+    let outcome = measured(Behaviour {
+        answers_after: 400 * MS,
+        joints_ahead: |now| if now > 2_150 * MS { -3_000 * MS } else { 0 },
+        ..Behaviour::default()
+    });
+    expect(&outcome, "have gone back by");
+    assert_eq!(outcome.goals, 2);
+    // Its answer is seen in the next poll.
+    let way = 2e-3 - outcome.lowest;
+    assert!(way > 0.0 && way < deepest(10 * MS), "{:.3} mm", way * 1e3);
+}
+
+#[test]
+fn a_first_waypoint_that_is_not_where_the_arm_is_is_not_sent() {
+    let urdf = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../launch-scripts/robot_arm.urdf"
+    );
+    let urdf = std::fs::read_to_string(urdf).expect("a robot description");
+    let chain = Chain::from_urdf(&urdf).expect("an arm");
+    let newest = [0.0, -1.5, 1.5, 0.0, 0.0, 0.0];
+    let mut positions = newest.to_vec();
+    positions[1] += 0.04;
+    let near = [Waypoint {
+        time: 0.02,
+        positions: positions.clone(),
+    }];
+    assert_eq!(check_start(&chain, &newest, &near), Ok(()));
+    positions[1] += 1.548;
+    let far = [Waypoint {
+        time: 0.02,
+        positions,
+    }];
+    let told = check_start(&chain, &newest, &far).expect_err("it is far away");
+    let says = "1.5880 m or rad of axis \"A2\" from where the robot is, to be reached in 0.020 s";
+    assert!(told.contains(says), "{told}");
+}
+
+#[test]
+fn a_probe_that_is_tripped_before_a_move_keeps_the_arm_where_it_is() {
+    let outcome = measured(Behaviour {
+        stuck: true,
+        ..Behaviour::default()
+    });
+    expect_nothing_sent(&outcome, "probe_stuck: ");
+}
+
+#[test]
+fn a_contact_of_the_way_back_stops_the_arm() {
+    let outcome = measured(Behaviour {
+        second_face: 3e-3,
+        seed: 2,
+        ..Behaviour::default()
+    });
+    // The first way, down from 5 mm, is beyond the second face already.
+    expect(&outcome, "unplanned_touch: ");
+    let told: BTreeSet<_> = outcome.triggers.iter().map(|one| one.point_index).collect();
+    assert!(told.len() < 2);
+}
