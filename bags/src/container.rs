@@ -4,10 +4,11 @@
 //! Lengths in a file are never believed before they are compared with what is there: no length makes this code allocate
 //! more than the file can fill, wait, or panic. Offsets are bytes from the start of the file.
 
+pub(crate) mod foreign;
 mod scan;
 mod summary;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -61,7 +62,16 @@ pub(crate) struct Contents {
     pub(crate) metadata: Vec<mcap::records::Metadata>,
     /// Messages of each channel.
     pub(crate) counts: BTreeMap<u16, u64>,
+    pub(crate) data_end: Option<DataEnd>,
     pub(crate) damage: Vec<Damage>,
+}
+
+/// The record behind the data section.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct DataEnd {
+    pub(crate) offset: u64,
+    /// Of everything before it; 0 if the writer computed none.
+    crc: u32,
 }
 
 impl Contents {
@@ -79,6 +89,7 @@ impl Contents {
             attachments: Vec::new(),
             metadata: Vec::new(),
             counts: BTreeMap::new(),
+            data_end: None,
             damage: Vec::new(),
         };
         let mut magic = [0; mcap::MAGIC.len()];
@@ -87,9 +98,7 @@ impl Contents {
             .min(usize::try_from(length).unwrap_or(usize::MAX));
         read_at(&contents.file, &mut magic[..there], 0).map_err(failed)?;
         if magic[..there] != mcap::MAGIC[..there] {
-            return Err(Error::NotMcap {
-                path: path.to_owned(),
-            });
+            return Err(foreign::error(path));
         }
         match summary::read(&mut contents).map_err(failed)? {
             Ok(()) => {}
@@ -99,10 +108,19 @@ impl Contents {
                 contents.attachments.clear();
                 contents.metadata.clear();
                 contents.counts.clear();
+                contents.data_end = None;
                 scan::walk(&mut contents, reason).map_err(failed)?;
             }
         }
         Ok(contents)
+    }
+
+    /// First and last log time, ns since 1970; `None` without messages.
+    pub(crate) fn bounds(&self) -> Option<(u64, u64)> {
+        self.blocks
+            .iter()
+            .map(|block| block.bounds)
+            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
 
     /// Notes damage of this file.
@@ -144,6 +162,111 @@ impl Contents {
             }
             _ => Err(damaged("no chunk record where the index says".to_owned())),
         }
+    }
+
+    /// Reads the whole file against its checksums and its statistics, and returns what opening did not find.
+    pub(crate) fn verify(&self) -> Vec<Damage> {
+        let mut damage = Vec::new();
+        let mut counts = BTreeMap::<u16, u64>::new();
+        for block in &self.blocks {
+            let count = |message: MessageLocation| *counts.entry(message.channel).or_default() += 1;
+            damage.extend(self.walk(block, count).err());
+        }
+        damage.extend(
+            self.attachments
+                .iter()
+                .filter_map(|location| self.attachment(location).err()),
+        );
+        // What is lost in a chunk is not counted, and breaks the checksum of the whole as well.
+        if damage.is_empty() && self.damage.is_empty() {
+            damage.extend(self.contradicted_counts(&counts));
+            damage.extend(self.contradicted_checksum());
+        }
+        damage
+    }
+
+    /// Loads a block and walks its messages.
+    pub(crate) fn walk(
+        &self,
+        block: &Block,
+        message: impl FnMut(MessageLocation),
+    ) -> Result<Bytes, Damage> {
+        let records = self.load(block)?;
+        each_record(&records, message, |_, _| Ok(())).map_err(|why| Damage {
+            file: self.path.clone(),
+            offset: block.offset,
+            length: block.length,
+            kind: DamageKind::Chunk(why),
+        })?;
+        Ok(records)
+    }
+
+    fn contradicted_counts(&self, found: &BTreeMap<u16, u64>) -> Option<Damage> {
+        let ids: BTreeSet<&u16> = self.counts.keys().chain(found.keys()).collect();
+        let of = |counts: &BTreeMap<u16, u64>, id: &u16| counts.get(id).copied().unwrap_or(0);
+        let id = ids
+            .into_iter()
+            .find(|id| of(&self.counts, id) != of(found, id))?;
+        let topic = self
+            .channels
+            .get(id)
+            .map_or_else(|| format!("channel {id}"), |channel| channel.topic.clone());
+        let why = format!(
+            "the statistics count {} messages of {topic}, and {} are there",
+            of(&self.counts, id),
+            of(found, id)
+        );
+        Some(self.data_section(why))
+    }
+
+    /// That the data section does not fit its checksum, which shows damage that neither a chunk nor a record shows.
+    pub(crate) fn contradicted_checksum(&self) -> Option<Damage> {
+        let Some(DataEnd { offset, crc }) = self.data_end else {
+            let why = "no DataEnd record stands behind it".to_owned();
+            return Some(self.data_section(why));
+        };
+        if crc == 0 {
+            return None;
+        }
+        let mut hasher = crc32fast::Hasher::new();
+        let mut at = 0;
+        while at < offset {
+            let length = (offset - at).min(1 << 20);
+            match self.bytes(at, length) {
+                Ok(bytes) => hasher.update(&bytes),
+                Err(error) => return Some(self.data_section(error.to_string())),
+            }
+            at += length;
+        }
+        let found = hasher.finalize();
+        let why = || {
+            let place = "no record shows where";
+            self.data_section(format!("CRC {found:08x}, expected {crc:08x}; {place}"))
+        };
+        (found != crc).then(why)
+    }
+
+    fn data_section(&self, why: String) -> Damage {
+        Damage {
+            file: self.path.clone(),
+            offset: 0,
+            length: self.data_end.map_or(self.length, |end| end.offset),
+            kind: DamageKind::DataSection(why),
+        }
+    }
+
+    /// Takes the record at `offset` for the DataEnd if it is one.
+    fn take_data_end(&mut self, offset: u64) -> std::io::Result<()> {
+        let raw = self.bytes(offset, DATA_END)?;
+        if let Some((header, body)) = raw.split_first_chunk::<RECORD_HEADER>()
+            && header[0] == op::DATA_END
+            && record_length(header) == body.len() as u64
+            && let Ok(Record::DataEnd(end)) = parse(op::DATA_END, body)
+        {
+            let crc = end.data_section_crc;
+            self.data_end = Some(DataEnd { offset, crc });
+        }
+        Ok(())
     }
 
     /// The data of an attachment.
@@ -192,6 +315,9 @@ impl Contents {
 /// Opcode and body length.
 pub(crate) const RECORD_HEADER: usize = 9;
 
+/// Length of a DataEnd record, its header included.
+const DATA_END: u64 = RECORD_HEADER as u64 + 4;
+
 pub(crate) fn record_length(header: &[u8; RECORD_HEADER]) -> u64 {
     let [_, a, b, c, d, e, f, g, h] = *header;
     u64::from_le_bytes([a, b, c, d, e, f, g, h])
@@ -216,6 +342,15 @@ struct ChunkHead<'a> {
     compression: &'a [u8],
     /// Of the head itself; compressed records follow.
     length: usize,
+    /// Of the compressed records.
+    compressed: u64,
+}
+
+impl ChunkHead<'_> {
+    /// Length of the fields that are known; a later version of the format may add others behind them.
+    fn known(&self) -> u64 {
+        self.length as u64 + self.compressed
+    }
 }
 
 /// Reads a chunk's head; `None` if the bytes cannot be one. `body_length` is that of the record.
@@ -238,11 +373,12 @@ fn chunk_head(head: &[u8], body_length: u64) -> Option<ChunkHead<'_>> {
     }
     let length = 32 + name_length + 8;
     let compressed = u64_at(32 + name_length)?;
-    (compressed.checked_add(length as u64)? == body_length).then_some(ChunkHead {
+    (compressed.checked_add(length as u64)? <= body_length).then_some(ChunkHead {
         uncompressed_size: u64_at(16)?,
         crc: u32_at(24)?,
         compression: head.get(32..32 + name_length)?,
         length,
+        compressed,
     })
 }
 
@@ -255,7 +391,10 @@ fn unpack(body: &[u8]) -> Result<Bytes, String> {
             head.uncompressed_size
         ));
     }
-    let packed = &body[head.length..];
+    let packed = usize::try_from(head.known())
+        .ok()
+        .and_then(|known| body.get(head.length..known))
+        .ok_or("its head contradicts its length")?;
     let mut records = Vec::new();
     // One byte more than claimed shows a stream that is too long; memory grows only with what really comes out.
     let limit = head.uncompressed_size + 1;
@@ -399,6 +538,12 @@ pub(crate) struct Names {
 }
 
 impl Names {
+    /// Whether a channel record names a schema that has not turned up: a summary may repeat channels without their schemas.
+    fn lack_schema_of(&self, body: &[u8]) -> bool {
+        matches!(parse(op::CHANNEL, body), Ok(Record::Channel(channel))
+            if channel.schema_id != 0 && !self.schemas.contains_key(&channel.schema_id))
+    }
+
     /// Takes schema and channel records, ignores others. The first record of a number counts.
     pub(crate) fn take(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
         if opcode != op::SCHEMA && opcode != op::CHANNEL {

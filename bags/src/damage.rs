@@ -17,6 +17,8 @@ pub enum DamageKind {
     Chunk(String),
     /// A record outside of chunks that cannot be read.
     Record(String),
+    /// The data contradicts its checksum or the statistics, though each chunk can be read.
+    DataSection(String),
     /// Bytes that are no record; reading continued at the next chunk.
     Garbage,
     /// Messages whose channel record is lost.
@@ -72,6 +74,9 @@ impl Display for Damage {
                 f,
                 "the record at byte {offset} ({length} bytes) is damaged: {why}"
             )?,
+            DamageKind::DataSection(why) => {
+                write!(f, "the data section ({length} bytes) is damaged: {why}")?;
+            }
             DamageKind::Garbage => {
                 write!(f, "{length} bytes from byte {offset} on are no records")?;
             }

@@ -37,6 +37,39 @@ pub enum Error {
         /// File opened.
         path: PathBuf,
     },
+    /// A recording in another form than MCAP.
+    #[error("the file {what}; make it readable by `{command}`: {path}")]
+    OtherForm {
+        /// What it is, as a verb phrase.
+        what: &'static str,
+        /// The command that converts it.
+        command: String,
+        /// File opened.
+        path: PathBuf,
+    },
+    /// A folder of rosbag2 whose messages are compressed one by one.
+    #[error(
+        "each message is compressed by {format} (compression_mode MESSAGE in metadata.yaml); make it readable by \
+         `ros2 bag convert -i {} -o convert.yaml` with `output_bags: [{{uri: plain, storage_id: mcap, all: true}}]` in convert.yaml: {}",
+        path.display(),
+        path.display()
+    )]
+    CompressedMessages {
+        /// As `metadata.yaml` names it.
+        format: String,
+        /// Folder opened.
+        path: PathBuf,
+    },
+    /// A folder with more than one recording.
+    #[error("the folder holds {} recordings, name one of them ({}{}): {}", count, recordings.join(", "), if recordings.len() < *count { ", ..." } else { "" }, path.display())]
+    SeveralRecordings {
+        /// Their number.
+        count: usize,
+        /// Names of the first of them.
+        recordings: Vec<String>,
+        /// Folder opened.
+        path: PathBuf,
+    },
     /// A folder without a single `.mcap`.
     #[error("no .mcap file in the folder: {path}")]
     NoRecording {

@@ -144,15 +144,29 @@ fn write_topic(f: &mut Formatter<'_>, channel: &Channel, count: u64) -> fmt::Res
     writeln!(f, "    message_count: {count}")
 }
 
-/// `relative_file_paths` of a `metadata.yaml`; `None` if the text is not one.
-pub(crate) fn relative_file_paths(text: &str) -> Option<Vec<String>> {
+/// What a reader needs of a `metadata.yaml`.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(crate) struct Folder {
+    /// Names of the files, in order.
+    pub(crate) relative_file_paths: Vec<String>,
+    /// What each message is compressed by, if it is.
+    pub(crate) compressed_messages: Option<String>,
+}
+
+/// Reads a `metadata.yaml`; `None` if the text is not one.
+pub(crate) fn read(text: &str) -> Option<Folder> {
     let documents = YamlLoader::load_from_str(text).ok()?;
-    let paths =
-        documents.first()?["rosbag2_bagfile_information"]["relative_file_paths"].as_vec()?;
-    paths
-        .iter()
-        .map(|path| path.as_str().map(str::to_owned))
-        .collect()
+    let body = &documents.first()?["rosbag2_bagfile_information"];
+    let paths = body["relative_file_paths"].as_vec()?;
+    let word = |key: &str| body[key].as_str().unwrap_or_default();
+    let by_message = word("compression_mode").eq_ignore_ascii_case("message");
+    Some(Folder {
+        relative_file_paths: paths
+            .iter()
+            .map(|path| path.as_str().map(str::to_owned))
+            .collect::<Option<_>>()?,
+        compressed_messages: by_message.then(|| word("compression_format").to_owned()),
+    })
 }
 
 #[cfg(test)]
@@ -223,7 +237,7 @@ mod tests {
         assert_eq!(body["custom_data"]["k"].as_str(), Some("v \"w\""));
         assert_eq!(body["compression_mode"].as_str(), Some(""));
         assert_eq!(
-            relative_file_paths(&folder().to_file_text()).unwrap(),
+            read(&folder().to_file_text()).unwrap().relative_file_paths,
             ["x_0.mcap", "x_1.mcap", "x_2.mcap"].map(str::to_owned)
         );
     }

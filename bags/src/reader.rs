@@ -77,6 +77,7 @@ impl Bag {
             .iter()
             .map(|path| Contents::read(path))
             .collect::<Result<Vec<_>, _>>()?;
+        files::are_of_one_recording(path, &files)?;
         let mut channels: Vec<Arc<Channel>> = Vec::new();
         let mut known: BTreeMap<Channel, usize> = BTreeMap::new();
         let mut numbers = Vec::with_capacity(files.len());
@@ -144,9 +145,9 @@ impl Bag {
 
     /// First and last log time, ns since 1970; `None` without messages.
     pub fn bounds(&self) -> Option<(u64, u64)> {
-        let blocks = self.files.iter().flat_map(|file| &file.blocks);
-        blocks
-            .map(|block| block.bounds)
+        self.files
+            .iter()
+            .filter_map(Contents::bounds)
             .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
 
@@ -162,14 +163,7 @@ impl Bag {
     /// Reads everything once and returns all damage, including that found on opening.
     pub fn verify(&self) -> Vec<Damage> {
         let mut damage = self.damage();
-        damage.extend(self.messages().filter_map(Result::err));
-        for file in &self.files {
-            damage.extend(
-                file.attachments
-                    .iter()
-                    .filter_map(|location| file.attachment(location).err()),
-            );
-        }
+        damage.extend(self.files.iter().flat_map(Contents::verify));
         damage
     }
 

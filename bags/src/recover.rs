@@ -10,8 +10,8 @@ use mcap::records::Metadata;
 use serde::{Deserialize, Serialize};
 
 use crate::channel::Channel;
-use crate::container::{Contents, each_record};
-use crate::damage::{Damage, DamageKind};
+use crate::container::Contents;
+use crate::damage::Damage;
 use crate::disk::SystemDisk;
 use crate::error::Error;
 use crate::gaps::Gap;
@@ -93,6 +93,9 @@ pub fn recover(
         let path = to.join(format!("{name}_{number}.mcap"));
         let mut split = SplitFile::create(&SystemDisk, &path, &chunks, false)?;
         copy(contents, &mut split, &mut recovery, &mut counts)?;
+        if recovery.damage.is_empty() {
+            recovery.damage.extend(contents.contradicted_checksum());
+        }
         if number + 1 == bag.contents().len() && !recovery.gaps.is_empty() {
             split.metadata(&gaps_record(&recovery.gaps))?;
         }
@@ -167,25 +170,14 @@ fn copy(
         ids.insert(*id, (split.copy_channel(channel)?, 0));
     }
     for block in &contents.blocks {
-        let records = match contents.load(block) {
+        let mut messages = Vec::new();
+        let records = match contents.walk(block, |message| messages.push(message)) {
             Ok(records) => records,
             Err(damage) => {
                 recovery.damage.push(damage);
                 continue;
             }
         };
-        let mut messages = Vec::new();
-        if let Err(why) = each_record(&records, |message| messages.push(message), |_, _| Ok(())) {
-            let file = contents.path.clone();
-            let kind = DamageKind::Chunk(why);
-            recovery.damage.push(Damage {
-                file,
-                offset: block.offset,
-                length: block.length,
-                kind,
-            });
-            continue;
-        }
         for message in messages {
             if let Some((id, count)) = ids.get_mut(&message.channel) {
                 let times = (message.log_time, message.publish_time);

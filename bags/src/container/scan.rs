@@ -91,7 +91,7 @@ impl Walk<'_> {
             let (opcode, length) = (header[0], record_length(header));
             let body_left = left - RECORD_HEADER as u64;
             let known = (op::HEADER..=op::DATA_END).contains(&opcode) || opcode >= 0x80;
-            if !known || length > body_left || !self.length_agrees(opcode, at, length)? {
+            if length > body_left || !self.is_record(opcode, at, length)? {
                 match self.next_chunk(at + 1)? {
                     Some(next) => {
                         self.contents.damaged(at, next - at, DamageKind::Garbage);
@@ -108,6 +108,9 @@ impl Walk<'_> {
                     }
                 }
             }
+            if opcode == op::DATA_END {
+                self.contents.take_data_end(at)?;
+            }
             if opcode == op::DATA_END || opcode == op::FOOTER {
                 return Ok(Ended::Properly);
             }
@@ -117,21 +120,43 @@ impl Walk<'_> {
         Ok(Ended::AtLastByte)
     }
 
-    /// Chunks and message indexes hold their length twice; a bit flipped in one of them would make the scan skip
-    /// what follows.
-    fn length_agrees(&self, opcode: u8, at: u64, length: u64) -> io::Result<bool> {
+    /// Whether a record of this length stands here.
+    ///
+    /// Chunks and message indexes hold their length twice; a bit flipped in one of them would make the scan skip what follows.
+    /// A later version of the format may add fields behind those that are known, and opcodes below 0x80: then the record
+    /// is one if another begins where it ends.
+    fn is_record(&self, opcode: u8, at: u64, length: u64) -> io::Result<bool> {
         let body = at + RECORD_HEADER as u64;
-        Ok(match opcode {
+        let known = match opcode {
             op::CHUNK => {
                 let head = self.contents.bytes(body, length.min(CHUNK_PROBE))?;
-                chunk_head(&head, length).is_some()
+                match chunk_head(&head, length) {
+                    Some(head) => head.known(),
+                    None => return Ok(false),
+                }
             }
             op::MESSAGE_INDEX => match self.contents.bytes(body, length.min(6))?[..] {
-                [_, _, a, b, c, d] => u64::from(u32::from_le_bytes([a, b, c, d])) + 6 == length,
-                _ => false,
+                [_, _, a, b, c, d] => u64::from(u32::from_le_bytes([a, b, c, d])) + 6,
+                _ => return Ok(false),
             },
-            _ => true,
-        })
+            0 => return Ok(false),
+            op::HEADER..=op::DATA_END | 0x80.. => length,
+            _ => 0,
+        };
+        Ok(known == length || (known < length && self.begins_record(body + length)?))
+    }
+
+    /// Whether a record begins here that fits into the file, or the file ends.
+    fn begins_record(&self, at: u64) -> io::Result<bool> {
+        let left = self.contents.length - at;
+        if left == 0 {
+            return Ok(true);
+        }
+        let header = self.contents.bytes(at, left.min(RECORD_HEADER as u64))?;
+        let fits = |header: &[u8; RECORD_HEADER]| {
+            header[0] != 0 && record_length(header) <= left - RECORD_HEADER as u64
+        };
+        Ok(header.first_chunk::<RECORD_HEADER>().is_some_and(fits))
     }
 
     fn record(&mut self, opcode: u8, at: u64, length: u64) -> io::Result<()> {
@@ -285,10 +310,15 @@ impl Walk<'_> {
                 (end - window_at).min(SEARCH_WINDOW + CHUNK_PROBE),
             )?;
             let starts = window.len().min(SEARCH_WINDOW as usize);
-            let found = (0..starts)
-                .find(|start| is_chunk(&window[*start..], end - window_at - *start as u64));
-            if let Some(start) = found {
-                return Ok(Some(window_at + start as u64));
+            for start in 0..starts {
+                let at = window_at + start as u64;
+                if looks_like_chunk(&window[start..], end - at) {
+                    let header = self.contents.bytes(at, RECORD_HEADER as u64)?;
+                    let length = header.first_chunk().map_or(0, record_length);
+                    if self.is_record(op::CHUNK, at, length)? {
+                        return Ok(Some(at));
+                    }
+                }
             }
             window_at += starts as u64;
         }
@@ -296,7 +326,7 @@ impl Walk<'_> {
     }
 }
 
-fn is_chunk(bytes: &[u8], left: u64) -> bool {
+fn looks_like_chunk(bytes: &[u8], left: u64) -> bool {
     let Some((header, body)) = bytes.split_first_chunk::<RECORD_HEADER>() else {
         return false;
     };

@@ -5,7 +5,9 @@ use std::io;
 use mcap::MAGIC;
 use mcap::records::{Record, op};
 
-use super::{AttachmentLocation, Block, Contents, Names, RECORD_HEADER, parse, record_length};
+use super::{
+    AttachmentLocation, Block, Contents, DATA_END, Names, RECORD_HEADER, parse, record_length,
+};
 
 /// Footer record: header, two offsets, CRC.
 const FOOTER: usize = RECORD_HEADER + 20;
@@ -42,11 +44,12 @@ pub(super) fn read(contents: &mut Contents) -> io::Result<Result<(), Unusable>> 
     let Ok(Record::Footer(fields)) = parse(op::FOOTER, body) else {
         return Ok(Err(Unusable::NoFooter));
     };
-    if fields.summary_start == 0 {
-        return Ok(Err(Unusable::Incomplete));
-    }
-    let start = fields.summary_start;
-    if start < MAGIC.len() as u64 || start >= footer_at || footer_at - start > SUMMARY_LIMIT {
+    // Without a summary section the checksum is that of the footer alone.
+    let start = match fields.summary_start {
+        0 => footer_at,
+        start => start,
+    };
+    if start < MAGIC.len() as u64 || start > footer_at || footer_at - start > SUMMARY_LIMIT {
         return Ok(Err(Unusable::Damaged(format!(
             "the footer points at byte {start}"
         ))));
@@ -62,6 +65,12 @@ pub(super) fn read(contents: &mut Contents) -> io::Result<Result<(), Unusable>> 
             return Ok(Err(Unusable::Damaged(why)));
         }
     }
+    if let Some(at) = start.checked_sub(DATA_END) {
+        contents.take_data_end(at)?;
+    }
+    if start == footer_at {
+        return Ok(Err(Unusable::Incomplete));
+    }
     Ok(take_section(contents, &section, start))
 }
 
@@ -69,7 +78,12 @@ fn take_section(contents: &mut Contents, section: &[u8], start: u64) -> Result<(
     let mut names = Names::default();
     let mut statistics = None;
     let mut metadata_places = Vec::new();
+    let mut lacks_schemas = false;
     let take = |opcode: u8, body: &[u8]| -> Result<(), String> {
+        if opcode == op::CHANNEL && names.lack_schema_of(body) {
+            lacks_schemas = true;
+            return Ok(());
+        }
         names.take(opcode, body)?;
         if opcode == op::SCHEMA || opcode == op::CHANNEL {
             return Ok(());
@@ -98,6 +112,9 @@ fn take_section(contents: &mut Contents, section: &[u8], start: u64) -> Result<(
         Ok(())
     };
     super::each_record(section, |_| {}, take).map_err(Unusable::Damaged)?;
+    if lacks_schemas {
+        return Err(Unusable::Incomplete);
+    }
     contents.channels = names.channels;
     let statistics = statistics.ok_or(Unusable::Incomplete)?;
     let complete = statistics.chunk_count as usize == contents.blocks.len()

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 use bytes::Bytes;
 
 use super::{Bag, Recorded};
-use crate::container::{Block, MessageLocation, each_record};
+use crate::container::{Block, MessageLocation};
 use crate::damage::Damage;
 
 /// Messages in order of log time. A damaged chunk is one `Err`; reading continues after it.
@@ -122,10 +122,6 @@ impl<'a> Messages<'a> {
     fn load(&mut self, file: usize, block: &Block) {
         let contents = &self.bag.files[file];
         let numbers = &self.bag.numbers[file];
-        let records = match contents.load(block) {
-            Ok(records) => records,
-            Err(damage) => return self.damage.push_back(damage),
-        };
         let mut messages = Vec::new();
         let take = |message: MessageLocation| {
             // Messages of unknown channels are reported as damage by the scan of the file.
@@ -136,17 +132,10 @@ impl<'a> Messages<'a> {
                 messages.push(message);
             }
         };
-        if let Err(why) = each_record(&records, take, |_, _| Ok(())) {
-            let kind = crate::damage::DamageKind::Chunk(why);
-            let file = contents.path.clone();
-            self.damage.push_back(Damage {
-                file,
-                offset: block.offset,
-                length: block.length,
-                kind,
-            });
-            return;
-        }
+        let records = match contents.walk(block, take) {
+            Ok(records) => records,
+            Err(damage) => return self.damage.push_back(damage),
+        };
         messages.sort_by_key(|message| message.log_time);
         // Of a block that was begun before, what is left.
         let key = |(position, message): (usize, &MessageLocation)| {

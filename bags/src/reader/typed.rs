@@ -7,6 +7,9 @@ use probecell_msgs::{Message, from_cdr};
 use super::{Bag, Messages, Recorded};
 use crate::error::Error;
 
+/// First bytes of what zstd has compressed; no encapsulation header of CDR begins so.
+const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+
 /// A decoded message with its position in the recording.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Stamped<T> {
@@ -96,7 +99,11 @@ impl<T: Message> Iterator for Typed<'_, T> {
                 topic: channel.topic.clone(),
                 sequence,
                 expected: T::TYPE.name.to_owned(),
-                reason: reason.to_string(),
+                reason: if payload.starts_with(&ZSTD) {
+                    "it is compressed by zstd (rosbag2's compression mode MESSAGE), which `ros2 bag convert` undoes".to_owned()
+                } else {
+                    reason.to_string()
+                },
                 path: self.bag.path.clone(),
             }),
         })

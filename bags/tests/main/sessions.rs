@@ -1,7 +1,5 @@
 //! Bad sessions are refused by name.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
 use std::path::Path;
 
 use bags::{

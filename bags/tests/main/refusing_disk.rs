@@ -2,8 +2,6 @@
 //! bytes. The recording ends with a failure that every pusher learns, the disk is not tried again, and of what the
 //! recorder had stated durable nothing is missing.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
 use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

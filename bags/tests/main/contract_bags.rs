@@ -1,11 +1,5 @@
 //! The bags of other programs that follow the interface contract, decoded with the project's messages.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "helpers of tests fail as tests do, and say when they skip"
-)]
-
 use bags::{Bag, Session, SessionError};
 
 #[test]

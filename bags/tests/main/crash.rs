@@ -3,14 +3,14 @@
 //! A recording only grows, so after a power failure the disk holds what was synced, and of the rest any part: nothing, a
 //! prefix, pages that were never written (zeros) before pages that were, or rubbish.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
 use std::path::Path;
 use std::time::Duration;
 
 use bags::{Bag, Channel, Overflow, Qos, Recorder, RecorderOptions};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
+
+use crate::kill::paced_writer;
 
 /// Syncs of the run.
 const SYNCS: usize = 12;
@@ -116,19 +116,12 @@ fn a_full_disk_ends_the_recording_with_a_failure() {
     use std::io::{BufRead, BufReader, Write};
     use std::process::{Command, Stdio};
 
-    let test = std::env::current_exe().unwrap();
-    let writer = test
-        .parent()
-        .unwrap()
-        .parent()
-        .unwrap()
-        .join("examples/paced_writer");
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let mut process = Command::new("bash")
         // 1 MiB, in units of 1 KiB.
         .args(["-c", "trap '' XFSZ; ulimit -f 1024; exec \"$0\" \"$@\""])
-        .arg(&writer)
+        .arg(paced_writer())
         .arg(&path)
         .arg("5")
         .stdin(Stdio::piped())

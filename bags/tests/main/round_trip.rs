@@ -1,7 +1,5 @@
 //! What is recorded is read back: whole, in order, split or not.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
 use std::collections::BTreeMap;
 use std::time::Duration;
 

@@ -1,7 +1,5 @@
 //! A recorder killed at any moment loses nothing that it stated to be durable.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -16,7 +14,7 @@ const INTERVAL_MS: u64 = 200;
 const AHEAD: usize = 32;
 
 /// Cargo builds examples beside the tests: `target/<profile>/deps/<test>` and `target/<profile>/examples/<name>`.
-fn paced_writer() -> PathBuf {
+pub(crate) fn paced_writer() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     test.parent()
         .unwrap()
@@ -73,12 +71,13 @@ fn run_and_kill(folder: &Path, life_ms: u64, durable: usize) -> Vec<Pushed> {
 }
 
 #[test]
-fn fifty_killed_recordings_are_readable_and_hold_what_was_stated_durable() {
+fn killed_recordings_are_readable_and_hold_what_was_stated_durable() {
+    let kills = shared_data::share(10, 50);
     let mut random = Pcg64::seed_from_u64(9);
     let mut recorded = 0;
     let mut lost = 0;
     let mut oldest_lost = 0;
-    for run in 0..50 {
+    for run in 0..kills {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run");
         // Every fifth run may die before the first sync; the others die after it.
@@ -114,7 +113,7 @@ fn fifty_killed_recordings_are_readable_and_hold_what_was_stated_durable() {
         assert_eq!(Bag::open(folder.path().join("whole")).unwrap().verify(), []);
     }
     println!(
-        "50 kills: {recorded} messages recorded, {lost} lost, the oldest of them {} ms old (sync interval {INTERVAL_MS} ms)",
+        "{kills} kills: {recorded} messages recorded, {lost} lost, the oldest of them {} ms old (sync interval {INTERVAL_MS} ms)",
         oldest_lost / 1_000_000
     );
 }

@@ -1,7 +1,5 @@
 //! What a recording lacks is named by topic and number.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
 use std::path::Path;
 
 use bags::{Bag, Channel, LossEvidence, Overflow, Qos, Recorder, RecorderOptions, recover};

@@ -1,7 +1,5 @@
 //! Cut-off and damaged files: every whole chunk is given, nothing panics, nothing hangs.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
 use std::path::{Path, PathBuf};
 
 use bags::{Bag, Channel, DamageKind, Overflow, Qos, Recorder, RecorderOptions, recover};

@@ -1,0 +1,29 @@
+//! What is recorded and read back, against the mcap crate, damage made here and disks that refuse.
+//!
+//! - `conformance`: the conformance suite of MCAP is read whole
+//! - `contract_bags`: recordings of other programs are read whole, and every message of a known type decodes
+//! - `crash`: whatever a power failure leaves of a recording, what was stated durable is there
+//! - `damage`: cut-off and damaged files give every whole chunk; nothing panics
+//! - `folders`: folders that are no recording of MCAP splits are named, with what makes them readable
+//! - `gaps`: what a recording lacks is named by topic and number
+//! - `kill`: a recorder that is killed loses nothing that it stated to be durable
+//! - `refusing_disk`: a disk that refuses any one act ends the recording, and what was stated durable is there
+//! - `round_trip`: what is recorded is read back: whole, in order, split or not
+//! - `seals`: a sealed recording tells every later change
+//! - `sessions`: bad sessions are refused by name
+//! - `specification`: what the specification of MCAP allows is read whole, and what its checksums show is found
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
+mod conformance;
+mod contract_bags;
+mod crash;
+mod damage;
+mod folders;
+mod gaps;
+mod kill;
+mod refusing_disk;
+mod round_trip;
+mod seals;
+mod sessions;
+mod specification;
