@@ -1,12 +1,13 @@
-//! Hands the revision of the source to the program, which writes it into every recording.
+//! Hands the revision of the source to a program that writes it into recordings: this one, and neighbours that name this script.
 
 use std::process::Command;
 
 fn main() {
-    println!("cargo::rerun-if-changed=build.rs");
-    if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
-        println!("cargo::rerun-if-changed={log}");
-    }
+    let log = git(&["rev-parse", "--git-path", "logs/HEAD"]);
+    println!(
+        "cargo::rerun-if-changed={}",
+        log.as_deref().unwrap_or("Cargo.toml")
+    );
     let revision = git(&["rev-parse", "HEAD"]).unwrap_or_else(|| "unknown".to_owned());
     println!("cargo::rustc-env=PROBECELL_REVISION={revision}");
 }

@@ -1,5 +1,6 @@
 //! How the processes of a cell join its bus.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use cell::{
@@ -11,6 +12,8 @@ use host::{
     bus::{Bus, BusConfig, Followed, RouterConfig, Transport},
     parameters::{Declared, Parameters},
 };
+use nix::ifaddrs::{InterfaceAddress, getifaddrs};
+use nix::net::if_::InterfaceFlags;
 use probecell_msgs::rcl_interfaces::{ParameterType, ParameterValue};
 
 use crate::own_socket::{COMMAND_PATIENCE, OwnSocket, PATIENCE, own_locator};
@@ -114,9 +117,17 @@ fn refuse_exposed_dds(cell: &Cell) -> anyhow::Result<()> {
 
 /// Network interfaces that are up and have an address, loopback left out.
 fn interfaces_up() -> Vec<String> {
-    let interfaces = pnet_datalink::interfaces().into_iter();
-    let reached = interfaces.filter(|one| one.is_up() && !one.is_loopback() && !one.ips.is_empty());
-    reached.map(|one| one.name).collect()
+    let has_address = |one: &InterfaceAddress| {
+        let address = one.address.as_ref();
+        address.is_some_and(|one| one.as_sockaddr_in().is_some() || one.as_sockaddr_in6().is_some())
+    };
+    // One entry for each address of an interface.
+    let reached = getifaddrs().into_iter().flatten().filter(|one| {
+        let is_up = one.flags.contains(InterfaceFlags::IFF_UP);
+        is_up && !one.flags.contains(InterfaceFlags::IFF_LOOPBACK) && has_address(one)
+    });
+    let names: BTreeSet<String> = reached.map(|one| one.interface_name).collect();
+    names.into_iter().collect()
 }
 
 /// Zenoh settings of a session. Where the router controls access, sessions are clients, which link to nothing but the

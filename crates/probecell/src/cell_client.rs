@@ -4,7 +4,7 @@ use std::{
     collections::BTreeSet,
     ops::ControlFlow,
     path::Path,
-    sync::mpsc::channel,
+    sync::mpsc::{Receiver, channel},
     time::{Duration, Instant},
 };
 
@@ -12,11 +12,11 @@ use anyhow::Context;
 use cell::Cell;
 use graph::{Topic, topics};
 use host::{
-    bus::{Bus, BusConfig, Received},
+    bus::{Bus, BusConfig, Received, Subscription},
     bus_qos,
 };
 use probecell_msgs::{
-    Correction, InspectionPlan, Message, PlanProgress, Service, from_cdr, srv, to_cdr,
+    CdrError, Correction, InspectionPlan, Message, PlanProgress, Service, from_cdr, srv, to_cdr,
 };
 
 use crate::{
@@ -34,6 +34,27 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(15);
 const KEPT_TIMEOUT: Duration = Duration::from_secs(1);
 /// Timeout of a whole plan; the cell itself answers when its progress stalls.
 const PLAN_TIMEOUT: Duration = Duration::from_secs(1800);
+
+/// Messages of a topic, as they come.
+pub(crate) struct Followed<M> {
+    name: &'static str,
+    receiver: Receiver<Result<M, CdrError>>,
+    _subscription: Subscription,
+}
+
+impl<M> Followed<M> {
+    /// The next one; none before the deadline.
+    pub(crate) fn next(&self, deadline: Instant) -> anyhow::Result<Option<M>> {
+        let left = deadline.saturating_duration_since(Instant::now());
+        let received = self.receiver.recv_timeout(left).ok();
+        received.transpose().with_context(|| {
+            format!(
+                "a message on {} cannot be decoded as the type of its topic",
+                self.name
+            )
+        })
+    }
+}
 
 /// A client of the cell that a cell file describes.
 pub(crate) struct CellClient {
@@ -141,6 +162,21 @@ impl CellClient {
         patience: Duration,
         mut take: impl FnMut(M) -> ControlFlow<()>,
     ) -> anyhow::Result<()> {
+        let messages = self.follow(topic)?;
+        let deadline = Instant::now() + patience;
+        while let Some(message) = messages.next(deadline)? {
+            if take(message).is_break() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Follows a topic from now on; of a latched one also what is kept.
+    pub(crate) fn follow<M: Message + Send + 'static>(
+        &self,
+        topic: Topic,
+    ) -> anyhow::Result<Followed<M>> {
         let (sender, receiver) = channel();
         let on_sample = move |received: Received<'_>| {
             // The receiver may be satisfied already.
@@ -153,22 +189,11 @@ impl CellClient {
             Box::new(on_sample),
             Box::new(|_| {}),
         )?;
-        let deadline = Instant::now() + patience;
-        while let Ok(message) =
-            receiver.recv_timeout(deadline.saturating_duration_since(Instant::now()))
-        {
-            let message = message.with_context(|| {
-                format!(
-                    "a message on {} cannot be decoded as the type of its topic",
-                    topic.name
-                )
-            })?;
-            if take(message).is_break() {
-                break;
-            }
-        }
-        drop(subscription);
-        Ok(())
+        Ok(Followed {
+            name: topic.name,
+            receiver,
+            _subscription: subscription,
+        })
     }
 
     /// The cell that it is connected to.

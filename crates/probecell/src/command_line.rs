@@ -1,5 +1,6 @@
 //! The commands of `probecell` and their options, as `--help`, man pages and completions print them.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
@@ -10,11 +11,16 @@ use crate::{DEFAULT_CELL, commands};
 const ROS_ARGUMENTS: &str = "Commands for a running cell accept ROS arguments after their own; these override the cell file:\n  \
     --ros-args -r __ns:=/NAME -p NODE:KEY:=VALUE -r /tf:=/NAME";
 
+/// What the help says below the commands.
+fn after_help() -> String {
+    format!("{}\n\n{ROS_ARGUMENTS}", commands::external::help())
+}
+
 /// In the place of a folder: nothing on disk.
 pub(crate) const IN_MEMORY: &str = "-";
 
 #[derive(Parser)]
-#[command(version, about, arg_required_else_help = true, after_help = ROS_ARGUMENTS)]
+#[command(version, about, arg_required_else_help = true, after_help = after_help())]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -36,7 +42,12 @@ pub(crate) enum Command {
         /// Do not serve the dashboard, which otherwise prints its address: 127.0.0.1:7480, or one of the next ports.
         #[arg(long)]
         no_dashboard: bool,
+        /// Print of each size what its decision rule says in full.
+        #[arg(long)]
+        verbose: bool,
     },
+    /// Three simulated machines, each with a hidden fault: see each found, adopted, and the next part made without it.
+    Demo(commands::demo::Arguments),
     /// Run one node of a cell in this process.
     Node {
         /// Name of the node.
@@ -128,12 +139,8 @@ pub(crate) enum Command {
     },
     /// Serve every cell of the bus and every recording as web pages; operators can act on them with a signature.
     Dashboard(commands::dashboard::Arguments),
-    /// Serve a running cell as an MTConnect agent, read only.
-    Mtconnect(commands::mtconnect::Arguments),
-    /// Serve a running cell, or a recording, as an OPC UA server, read only.
-    Opcua(commands::opcua::Arguments),
-    /// Publish a running cell to an MQTT broker as an edge node of Sparkplug B.
-    Sparkplug(commands::sparkplug::Arguments),
+    /// Print what a running cell publishes, or what a recording holds, as lines of JSON for other programs.
+    Stream(commands::stream::Arguments),
     /// Show every cell on the bus on one screen, those that need attention first.
     Watch(commands::watch::Arguments),
     /// Resume an interrupted measurement of a running cell, or repeat points of it; the part then continues.
@@ -226,10 +233,6 @@ pub(crate) enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Write the measuring program of a plan for a controller.
-    Program(commands::program::Arguments),
-    /// Read the result files of a controller and compute sizes from their touches.
-    Results(commands::results::Arguments),
     /// Explain why a recorded session differs from the declared model of its cell.
     Diagnose(commands::diagnose::Arguments),
     /// Write the inspection record of the parts made in a recorded session.
@@ -241,37 +244,6 @@ pub(crate) enum Command {
     Simulate(commands::simulate::Arguments),
     /// Analyse the identifiability of a plan: detection limits and confounded effects.
     Identifiability(commands::identifiability::Arguments),
-    /// Validate the diagnosis on sessions with hidden effects, and print the score card.
-    Blind {
-        /// Number of sessions, distributed evenly over the kinds of hidden effects.
-        #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
-        trials: u64,
-        /// Instead compare eight additional touches (chosen, random, repeated) on this many sessions whose first diagnosis is
-        /// wrong or uncertain.
-        #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
-        refine: Option<u64>,
-        /// Seed of the sessions.
-        #[arg(long, default_value_t = 1)]
-        seed: u64,
-        /// Cell file or bag whose machine and plan are used instead of generated ones.
-        #[arg(long, value_name = "CELL_OR_BAG", conflicts_with = "refine")]
-        on: Option<PathBuf>,
-        /// Write every session and its hidden effects as a recording below this folder.
-        #[arg(long, value_name = "DIR", conflicts_with = "refine")]
-        keep: Option<PathBuf>,
-        /// Print JSON.
-        #[arg(long)]
-        json: bool,
-    },
-    /// Compute the tool-path correction of the next part of a free-form profile, and write its program.
-    Correct(commands::correct::Arguments),
-    /// Run the register of known gaps between a cell and its model, and judge each against its source.
-    #[command(subcommand)]
-    Scenario(commands::scenario::Command),
-    /// Store sessions in a lake of Parquet tables (runs `probecell-fleet lake`).
-    Lake(commands::fleet::Arguments),
-    /// Query the sessions of many machines in SQL and monitor them for trends (runs `probecell-fleet`).
-    Fleet(commands::fleet::Arguments),
     /// Check a driver on the bus against the driver guide by acting as its cell. The machine moves.
     Conformance(commands::conformance::Arguments),
     /// Check the installation and the cell file.
@@ -308,11 +280,17 @@ pub(crate) enum Command {
         /// Output folder; created if it does not exist.
         folder: PathBuf,
     },
+    /// A command of a program beside this one.
+    #[command(external_subcommand)]
+    External(Vec<OsString>),
 }
 
 impl Command {
     /// It starts a cell, or is of one that may run under ROS arguments.
     pub(crate) fn is_of_a_cell(&self) -> bool {
+        if let Self::External(words) = self {
+            return commands::external::is_of_a_cell(words);
+        }
         matches!(
             self,
             Self::Up { .. }
@@ -329,8 +307,7 @@ impl Command {
                 | Self::Plan { .. }
                 | Self::Dashboard(_)
                 | Self::Watch(_)
-                | Self::Mtconnect(_)
-                | Self::Sparkplug(_)
+                | Self::Stream(_)
                 | Self::Conformance(_)
                 | Self::Doctor { .. }
                 | Self::Layouts { .. }

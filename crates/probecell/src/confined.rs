@@ -1,12 +1,17 @@
-//! What each process of a cell may do once it has read its settings ([`confinement`]; `docs/access-control.md`).
+//! What each process of a cell may do once it has read its settings ([`confinement`]; `docs/process-rights.md`).
 
-use std::path::{Path, PathBuf};
+use std::{
+    iter,
+    path::{Path, PathBuf},
+};
 
 use anyhow::Context as _;
 use cell::{Cell, keys::KeyFolder, secrets, strangers::SOCKET};
 use confinement::{Confined, Rights, Sockets, confine, interpreter};
 use controllers::driver::Role;
 use host::bus::BusConfig;
+
+use crate::commands::external;
 
 /// Of a process that joins the bus: its sockets and its certificates.
 fn of_bus(bus: &BusConfig) -> anyhow::Result<Rights> {
@@ -27,11 +32,6 @@ pub(crate) fn driver(cell: &Cell, bus: &BusConfig) -> anyhow::Result<Confined> {
     let files = controller.files();
     let rights = networked(bus)?.reads(files.read).writes(files.write);
     Ok(confine(&rights)?)
-}
-
-/// What reads controllers beside the machine: any address of the network.
-pub(crate) fn with_network(bus: &BusConfig) -> anyhow::Result<Confined> {
-    Ok(confine(&networked(bus)?)?)
 }
 
 fn networked(bus: &BusConfig) -> anyhow::Result<Rights> {
@@ -58,18 +58,24 @@ fn make<'a>(folders: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The path, or the folder that is there in which it will be made.
+fn there(path: impl AsRef<Path>) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_default();
+    let there = path.ancestors().find(|folder| folder.exists());
+    there.unwrap_or(Path::new("/")).to_owned()
+}
+
+/// What reads a recording and nothing else.
+pub(crate) fn reader(recording: &Path) -> anyhow::Result<Confined> {
+    Ok(confine(&Rights::default().reads([there(recording)]))?)
+}
+
 /// A process that serves what it reads: folders, the bus, and of the cells' keys what it joins the bus by.
 pub(crate) fn server(
     cells: &[Cell],
     buses: &[BusConfig],
     folders: &[PathBuf],
 ) -> anyhow::Result<Confined> {
-    // A folder that is made later lies in one that is there.
-    let there = |path: &PathBuf| {
-        let path = std::path::absolute(path).unwrap_or_default();
-        let there = path.ancestors().find(|folder| folder.exists());
-        there.unwrap_or(Path::new("/")).to_owned()
-    };
     let mut rights = Rights::default()
         .with_sockets(Sockets::any())
         .reads(folders.iter().map(there))
@@ -107,13 +113,18 @@ const SHARED_MEMORY: &str = "/dev/shm";
 
 /// The launcher: its router, and all that the processes may do that it starts, since these get no more rights than it has.
 pub(crate) fn launcher(cell: &Cell, listen: &[String], recorded: bool) -> anyhow::Result<Confined> {
-    let program = std::env::current_exe()?;
-    let linker = interpreter(&program)?;
+    let own = std::env::current_exe()?;
+    let mut programs = Vec::new();
+    for program in iter::once(own).chain(external::signals_reader(cell)?) {
+        let unread = || format!("cannot read {}", program.display());
+        programs.extend(interpreter(&program).with_context(unread)?);
+        programs.push(program);
+    }
     let mut rights = Rights::default()
         .reads(["/"])
         .writes([KeyFolder::of(cell)?.path()])
         .writes(sockets(listen))
-        .starts([program].into_iter().chain(linker));
+        .starts(programs);
     if Path::new(SHARED_MEMORY).exists() {
         rights = rights.writes([SHARED_MEMORY]);
     }

@@ -7,7 +7,7 @@ use anyhow::Context;
 use crate::{DEFAULT_CELL, output};
 
 /// Files of the default cell: name, content.
-const FILES: [(&str, &str); 2] = [
+pub(crate) const FILES: [(&str, &str); 2] = [
     (
         "turn_mill.toml",
         include_str!("../../../launch-scripts/turn_mill.toml"),

@@ -5,6 +5,7 @@ use clap::Command;
 /// Command as typed, and its examples.
 const EXAMPLES: &[(&str, &[&str])] = &[
     ("up", &["up", "up my_cell.toml --once"]),
+    ("demo", &["demo", "demo --out hall"]),
     ("node", &["node analysis --cell my_cell.toml"]),
     (
         "router",
@@ -52,8 +53,6 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         "secure",
         &["secure my_cell.toml", "secure my_cell.toml --off"],
     ),
-    ("lake", &["lake add recordings --lake lake"]),
-    ("fleet", &["fleet tables", "fleet trends --lake lake"]),
     ("layouts", &["layouts my_cell.toml --out layouts"]),
     ("play", &["play recordings/turn_mill_1 --namespace /again"]),
     (
@@ -72,7 +71,6 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         "plan",
         &["plan my_cell.toml", "plan bags/samples/punch.mcap --json"],
     ),
-    ("program", &["program my_cell.toml --controller fanuc"]),
     (
         "diagnose",
         &[
@@ -101,22 +99,6 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         &[
             "simulate --like recordings/session_1",
             "simulate --like recordings/session_1 --html check.html --out recordings/session_1_again",
-        ],
-    ),
-    (
-        "blind",
-        &["blind --trials 60 --json", "blind --on my_cell.toml"],
-    ),
-    (
-        "correct",
-        &["correct part_1 part_2 --tolerance-um 5 --program next.ngc"],
-    ),
-    ("scenario list", &["scenario list"]),
-    (
-        "scenario run",
-        &[
-            "scenario run A-probe-offset --html page.html",
-            "scenario run --all",
         ],
     ),
     (

@@ -14,6 +14,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use bags::Measurement;
 use cell::{Cell, Strangers, TransportName, keys::KeyFolder};
 use host::{bus::Bus, clock::WallClock};
 
@@ -22,6 +23,7 @@ use crate::{
     FAILED, GOOD, LOSS,
     cell_bus::{CellFailure, bus_config, has_own_socket, new_recording, show, users},
     external_driver::{Change, ExternalDriver},
+    headline,
     operator::Operator,
     output,
     ros_arguments::{self, read_cell},
@@ -34,9 +36,32 @@ const DISCOVERY: Duration = Duration::from_secs(1);
 /// Timeout of a cell to become ready for its first part.
 const READY_TIMEOUT: Duration = Duration::from_secs(30);
 
+/// What the user wants of a cell that is started.
+#[derive(Clone, Copy)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is an option of the command"
+)]
+pub(crate) struct Wanted {
+    /// One part, then the end.
+    pub(crate) once: bool,
+    /// A recording.
+    pub(crate) recorded: bool,
+    /// A dashboard.
+    pub(crate) shown: bool,
+    /// Of each size what its decision rule says in full.
+    pub(crate) verbose: bool,
+}
+
 /// Runs a cell until SIGINT or SIGTERM, or until one part is made. A part that is being made is stopped first, and its end
 /// is recorded.
-pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow::Result<u8> {
+pub(crate) fn up(file: &Path, wanted: Wanted) -> anyhow::Result<u8> {
+    let Wanted {
+        once,
+        recorded,
+        shown,
+        verbose,
+    } = wanted;
     let cell = read_cell(file)?;
     for warning in cell.access_warnings() {
         output::warning(&warning);
@@ -89,7 +114,7 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow
     for name in cell.node_names().into_iter().chain(beside) {
         processes.start(name)?;
     }
-    let mut operator = Operator::join(bus, &cell)?;
+    let mut operator = Operator::join(bus, &cell, verbose)?;
     if !recorded {
         operator.waive_recording(&cell.namespace())?;
     }
@@ -122,8 +147,26 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow
     routing.close()?;
     if let Some(folder) = &recording {
         output::line(&format!("recorded in {}", folder.display()));
+        if once {
+            output::line(&gap(folder));
+        }
     }
     outcome.map(|status| if lost && status == GOOD { LOSS } else { status })
+}
+
+/// The gap of the part that was made, as `probecell diagnose` finds it in the recording, in a line.
+fn gap(recording: &Path) -> String {
+    let measured = session_io::measured(recording, &Measurement::Last, None);
+    let report = measured.and_then(|measured| {
+        Ok(diagnosis::diagnose(
+            &measured.session,
+            &diagnosis::Options::default(),
+        )?)
+    });
+    report.map_or_else(
+        |error| format!("gap not known: {error}"),
+        |report| headline::of(&report),
+    )
 }
 
 /// A cell of this name that runs on the bus already would share every topic with this one.

@@ -6,6 +6,8 @@
 //!   up     --> launcher           embedded router, processes, restart
 //!                operator         services, console, diagnostics of a running cell
 //!   run, measure, approve, recording --> cell_client   calls the services of a running cell
+//!   demo                          a hall of three machines, and the faults that they hide
+//!   headline                      a diagnosis in one line
 //!   cell_bus                      how processes join the bus of a cell
 //!   confined                      what each process may do
 //!   external_driver               whether a driver that others start is on the bus
@@ -27,8 +29,10 @@ mod command_line;
 mod commands;
 mod confined;
 mod default_cell;
+mod demo;
 mod examples;
 mod external_driver;
+mod headline;
 mod launcher;
 mod operator;
 mod output;
@@ -45,21 +49,18 @@ use tracing_subscriber::{EnvFilter, layer::SubscriberExt, util::SubscriberInitEx
 
 use command_line::{Arguments, Command, IN_MEMORY};
 
-/// Success.
-const GOOD: u8 = 0;
-/// Failure or difference.
-const FAILED: u8 = 1;
-/// Wrong input or usage.
-const BAD_INPUT: u8 = 2;
-/// Finished with loss of data.
-const LOSS: u8 = 3;
+use terminal::{BAD_INPUT, FAILED, GOOD, LOSS};
 
 /// Default cell file.
-const DEFAULT_CELL: &str = "launch-scripts/turn_mill.toml";
+const DEFAULT_CELL: &str = cell_stream::DEFAULT_CELL;
 
 fn main() -> ExitCode {
-    let filter = EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| EnvFilter::new("warn,zenoh=error,rustdds=off,ros2_client=off"));
+    // A router calls it an error that a session which is ending takes back a liveliness token that went before.
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| {
+        EnvFilter::new(
+            "warn,zenoh=error,zenoh::net::routing::hat::broker::token=off,rustdds=off,ros2_client=off",
+        )
+    });
     let terminal = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal());
@@ -75,10 +76,16 @@ fn main() -> ExitCode {
             return ExitCode::from(BAD_INPUT);
         }
     };
-    let matches = examples::with_examples(Arguments::command()).get_matches_from(words);
+    let matches = examples::with_examples(Arguments::command()).get_matches_from(&words);
     let arguments = Arguments::from_arg_matches(&matches);
-    let command = match arguments {
-        Ok(arguments) => arguments.command,
+    let command = match arguments.map(|arguments| arguments.command) {
+        Ok(Command::External(own)) if !commands::external::is_command(&own[0]) => {
+            // Refused with the commands that are like it.
+            let known = Arguments::command().allow_external_subcommands(false);
+            known.get_matches_from(&words);
+            return ExitCode::from(BAD_INPUT);
+        }
+        Ok(command) => command,
         Err(error) => error.exit(),
     };
     match run(command) {
@@ -91,6 +98,9 @@ fn main() -> ExitCode {
                     .downcast_ref::<host::bus::BusError>()
                     .is_some_and(|error| !error.is_of_input())
                     || cause.is::<host::ProcessError>()
+                    || cause
+                        .downcast_ref::<host::signals::ReaderEnded>()
+                        .is_some_and(|ended| !ended.is_of_input)
                     || cause.is::<cell_bus::CellFailure>()
                     || cause.is::<dashboard::DashboardError>()
             });
@@ -122,10 +132,18 @@ fn run(command: Command) -> anyhow::Result<u8> {
             once,
             no_record,
             no_dashboard,
+            verbose,
         } => {
             default_cell::provide(&cell)?;
-            launcher::up(&cell, once, !no_record, !no_dashboard)
+            let wanted = launcher::Wanted {
+                once,
+                recorded: !no_record,
+                shown: !no_dashboard,
+                verbose,
+            };
+            launcher::up(&cell, wanted)
         }
+        Command::Demo(arguments) => commands::demo::run(&arguments),
         Command::Node {
             name,
             cell,
@@ -167,9 +185,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Run { part, cell } => commands::run::run(&cell, &part),
         Command::Stop { operator, cell } => commands::stop::run(&cell, &operator),
         Command::Status { cell, json } => commands::status::run(&cell, json),
-        Command::Mtconnect(arguments) => commands::mtconnect::run(&arguments),
-        Command::Opcua(arguments) => commands::opcua::run(&arguments),
-        Command::Sparkplug(arguments) => commands::sparkplug::run(&arguments),
+        Command::Stream(arguments) => commands::stream::run(&arguments),
         Command::Dashboard(arguments) => {
             begin_process(arguments.supervised, arguments.clock)?;
             commands::dashboard::run(arguments)
@@ -196,31 +212,11 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Export(arguments) => commands::export::run(&arguments),
         Command::Recover { bag, to, later } => commands::recover::run(&bag, &to, later.as_deref()),
         Command::Plan { source, json } => commands::plan::run(&source, json),
-        Command::Program(arguments) => commands::program::run(&arguments),
-        Command::Results(arguments) => commands::results::run(&arguments),
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
         Command::Report(arguments) => commands::report::run(&arguments),
         Command::Adopt(arguments) => commands::adopt::run(&arguments),
         Command::Simulate(arguments) => commands::simulate::run(&arguments),
-        Command::Blind {
-            refine: Some(wanted),
-            seed,
-            json,
-            ..
-        } => commands::blind_refine::run(wanted, seed, json),
-        Command::Blind {
-            trials,
-            seed,
-            on,
-            keep,
-            json,
-            ..
-        } => commands::blind::run(trials, seed, on.as_deref(), keep.as_deref(), json),
         Command::Identifiability(arguments) => commands::identifiability::run(&arguments),
-        Command::Correct(arguments) => commands::correct::run(&arguments),
-        Command::Scenario(command) => commands::scenario::run(&command),
-        Command::Lake(arguments) => commands::fleet::run(&["lake"], &arguments),
-        Command::Fleet(arguments) => commands::fleet::run(&[], &arguments),
         Command::Conformance(arguments) => commands::conformance::run(&arguments),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
         Command::Layouts { cell, out } => commands::layouts::run(&cell, &out),
@@ -234,5 +230,6 @@ fn run(command: Command) -> anyhow::Result<u8> {
             output::bytes(&script);
             Ok(GOOD)
         }
+        Command::External(words) => commands::external::run(&words),
     }
 }

@@ -10,6 +10,7 @@
 //!   instead (mm, µm, °, µrad). Plots are inline SVG; nothing is loaded from elsewhere, nothing runs in the browser, and the
 //!   page can be printed on A4.
 //! - [`pages`]: the page of a diagnosis, and the record of the parts that a session made.
+//! - [`predictive`]: simulates a session again with the model before and after its diagnosis, and compares the residuals.
 //!
 //! The same data give the same bytes. Texts from outside are escaped. This crate writes no files.
 //!
@@ -29,6 +30,7 @@
 
 pub mod kit;
 pub mod pages;
+pub mod predictive;
 
 pub use kit::{
     Arrow, Axis, Bar, Bars, Heat, Name, Page, Plot, PlotError, Series, Side, Strip, Strips, Table,

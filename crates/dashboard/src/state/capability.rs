@@ -94,7 +94,7 @@ mod tests {
     /// Of seeded normal samples of a process with Cpk = 1.33, about 95 % have an interval that holds it.
     #[test]
     fn the_interval_of_cpk_covers_what_it_claims() {
-        let mut source = rand::rngs::StdRng::seed_from_u64(7);
+        let mut source = rand_pcg::Pcg64::seed_from_u64(7);
         let process = Normal::new(0.0, 1.0).unwrap();
         let trials = 4000;
         let mut held = 0;

@@ -65,6 +65,16 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     Ok(GOOD)
 }
 
+/// Adds what a report has found to the declared model in a cell file; of effects that its session could not distinguish, the
+/// first.
+pub(crate) fn first_of_each(file: &Path, found: &Report) -> anyhow::Result<()> {
+    let cell = Cell::read(file)?;
+    let groups = found.effects.iter().filter(|one| one.group.len() > 1);
+    let picks: Vec<String> = groups.map(|one| one.effect.clone()).collect();
+    let adopted = cell::adopt(&cell, found, &picks, false)?;
+    replace(&cell, file, &adopted.text)
+}
+
 /// Declares the motion that a report of the channel `time` has found.
 fn adopt_motion(cell: &Cell, found: &Report, arguments: &Arguments) -> anyhow::Result<u8> {
     if arguments.combine {

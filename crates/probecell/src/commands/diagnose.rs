@@ -10,7 +10,7 @@ use diagnosis::{
     Options, Report, Residuals, Session, diagnose_together_with_residuals, diagnose_with_residuals,
 };
 
-use super::diagnose_refine;
+use super::diagnose_refine::{self, Step};
 use super::diagnose_time::Timed;
 use crate::{GOOD, output};
 
@@ -138,7 +138,12 @@ fn refine(arguments: &Arguments, options: &Options) -> anyhow::Result<u8> {
     let cell = Cell::read(&arguments.cell)?;
     let first = read(path, arguments)?;
     let timeout = Duration::from_secs(arguments.timeout_s);
-    let refined = diagnose_refine::refine(&cell, &first, options, timeout, !arguments.json)?;
+    let mut tell = |step: Step<'_>| {
+        if !arguments.json {
+            output::line(&step.to_string());
+        }
+    };
+    let refined = diagnose_refine::refine(&cell, &first, options, timeout, &mut tell)?;
     if let Some(file) = &arguments.html {
         write_page(file, &refined.after, &refined.residuals)?;
     }

@@ -5,6 +5,7 @@
 //! bring the results. Only services and topics are used, so the machine behind them does not matter. The new measurement is
 //! joined with the session, and both are diagnosed together. Distances are printed in mm.
 
+use std::fmt::{Display, Formatter};
 use std::time::Duration;
 
 use cell::Cell;
@@ -16,30 +17,29 @@ use probecell_msgs::{InspectionPlan, ProbeEvent};
 use serde::Serialize;
 
 use super::running_cell::RunningCell;
-use crate::output;
 
 /// Probability above which an explanation is accepted; the chance of a proposal is that of reaching it.
 const SURE: f64 = 0.95;
 
 /// The diagnosis before and after.
 #[derive(Serialize)]
-pub(super) struct Refined {
+pub(crate) struct Refined {
     /// The answer from the bag alone.
     before: Report,
     /// The additional touches; none where nothing was ambiguous.
     #[serde(skip_serializing_if = "Option::is_none")]
-    asked: Option<Additional>,
+    pub(crate) asked: Option<Additional>,
     /// The answer from both.
-    pub(super) after: Report,
+    pub(crate) after: Report,
     /// One explanation is left.
-    resolved: bool,
+    pub(crate) resolved: bool,
     #[serde(skip)]
-    pub(super) residuals: Residuals,
+    pub(crate) residuals: Residuals,
 }
 
 /// Touches that the cell has taken.
 #[derive(Serialize)]
-struct Additional {
+pub(crate) struct Additional {
     /// Plan of the further touches.
     plan_id: String,
     /// Effects that they are to discriminate.
@@ -52,25 +52,61 @@ struct Additional {
     promised: f64,
 }
 
-/// Diagnoses a session, has the cell take the proposed touches, and diagnoses both; `verbose`: prints each step.
-pub(super) fn refine(
+/// What a refinement has come to; its text is for people.
+pub(crate) enum Step<'a> {
+    /// The answer from the session alone.
+    Before(&'a Report),
+    /// No touch is asked for.
+    Nothing,
+    /// The cell is asked for touches.
+    Asked {
+        proposal: &'a NextMeasurement,
+        cell: &'a str,
+        plan_id: &'a str,
+    },
+    /// The answer from both.
+    After {
+        proposal: &'a NextMeasurement,
+        touched: usize,
+        before: &'a Report,
+        after: &'a Report,
+    },
+}
+
+impl Display for Step<'_> {
+    fn fmt(&self, to: &mut Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Before(report) => report.fmt(to),
+            Self::Nothing => to.write_str(
+                "No remaining ambiguity can be resolved by additional touches of this plan: nothing was measured.",
+            ),
+            Self::Asked {
+                proposal,
+                cell,
+                plan_id,
+            } => to.write_str(&question(proposal, cell, plan_id)),
+            Self::After {
+                proposal,
+                touched,
+                before,
+                after,
+            } => write!(to, "{after}\n{}", answer(proposal, *touched, before, after)),
+        }
+    }
+}
+
+/// Diagnoses a session, has the cell take the proposed touches, and diagnoses both; tells each step.
+pub(crate) fn refine(
     cell: &Cell,
     first: &Session,
     options: &Options,
     timeout: Duration,
-    verbose: bool,
+    tell: &mut dyn FnMut(Step<'_>),
 ) -> anyhow::Result<Refined> {
-    let print = |text: &str| {
-        if verbose {
-            output::line(text);
-        }
-    };
     let (before, residuals) = diagnose_with_residuals(first, options)?;
-    print(&before.to_string());
+    tell(Step::Before(&before));
     let Some((proposal, plan)) = proposal(first, options, &before)? else {
-        print(
-            "No remaining ambiguity can be resolved by additional touches of this plan: nothing was measured.",
-        );
+        tell(Step::Nothing);
         return Ok(Refined {
             after: before.clone(),
             resolved: resolved(&before),
@@ -81,7 +117,11 @@ pub(super) fn refine(
     };
     let running = RunningCell::join(cell, first)?;
     let plan_id = running.next_name(first);
-    print(&question(&proposal, &cell.cell.name, &plan_id));
+    tell(Step::Asked {
+        proposal: &proposal,
+        cell: &cell.cell.name,
+        plan_id: &plan_id,
+    });
     running.request(&plan_id, &plan)?;
     let later = running.measured(&plan_id, first, timeout)?;
     running.leave()?;
@@ -89,9 +129,13 @@ pub(super) fn refine(
         .filter(|event| event.outcome == ProbeEvent::OUTCOME_TOUCHED)
         .count();
     let (after, residuals) = diagnose_with_residuals(&join(first, &later)?, options)?;
-    print(&after.to_string());
+    tell(Step::After {
+        proposal: &proposal,
+        touched,
+        before: &before,
+        after: &after,
+    });
     let resolved = resolved(&after);
-    print(&answer(&proposal, touched, &before, &after));
     Ok(Refined {
         before,
         asked: Some(Additional {

@@ -9,10 +9,14 @@ use std::{
 use cell::{Cell, TransportName};
 use controllers::driver::tcp_answers;
 use graph::{Wiring, topics};
-use host::bus::{Bus, BusConfig};
-use plc::Poll;
+use host::{
+    bus::{Bus, BusConfig},
+    signals::Reader,
+};
+use plc::{Outcome, Poll, Reading};
 use serde::Serialize;
 
+use super::external;
 use crate::{
     BAD_INPUT, FAILED, GOOD, cell_bus, output,
     retention::{self, Forecast},
@@ -47,7 +51,8 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
         });
     };
     let cell = read_cell(file);
-    let readable = cell.is_ok();
+    // The cell file can be read, and the programs are there that it needs.
+    let mut complete = cell.is_ok();
     match cell {
         Err(error) => find("cell file", Err(error.to_string())),
         Ok(cell) => {
@@ -68,8 +73,21 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
                     find(&check.subject, check.result);
                 }
             }
-            for poll in cell.polls().unwrap_or_default() {
-                find(&poll.source, values(&poll));
+            let polls = cell.polls();
+            match external::file(external::PLC) {
+                _ if polls.is_empty() => {}
+                Err(missing) => {
+                    complete = false;
+                    find("[[signals]]", Err(missing.to_string()));
+                }
+                Ok(program) => match Reader::once(&program, &polls) {
+                    Err(ended) => find("[[signals]]", Err(ended.to_string())),
+                    Ok(read) => {
+                        for poll in &polls {
+                            find(&poll.source, values(poll, &read));
+                        }
+                    }
+                },
             }
         }
     }
@@ -82,23 +100,26 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
             output::line(&format!("{word:<6} {}: {}", finding.what, finding.text));
         }
     }
-    Ok(match (readable, good) {
+    Ok(match (complete, good) {
         (false, _) => BAD_INPUT,
         (true, false) => FAILED,
         (true, true) => GOOD,
     })
 }
 
-/// What a controller beside the machine holds now.
-fn values(poll: &Poll) -> Result<String, String> {
-    let values = poll.once()?;
-    let texts = values.iter().map(|(signal, value)| {
-        let unit = if signal.unit == "1" { "" } else { &signal.unit };
-        format!("{} = {value} {unit}", signal.name)
-            .trim_end()
-            .to_owned()
+/// What a controller beside the machine holds now, or why the first signal that cannot be read cannot.
+fn values(poll: &Poll, read: &[Reading]) -> Result<String, String> {
+    let texts = poll.signals.iter().map(|signal| {
+        let (name, unit) = (&signal.name, signal.unit.as_str());
+        let mut own = (read.iter()).filter(|one| one.source == poll.source && one.signal == *name);
+        match own.next().map(|one| &one.outcome) {
+            Some(Outcome::Value(value)) if unit == "1" => Ok(format!("{name} = {value}")),
+            Some(Outcome::Value(value)) => Ok(format!("{name} = {value} {unit}")),
+            Some(Outcome::Failure(text)) => Err(text.clone()),
+            None => Err(format!("{name:?} was not read")),
+        }
     });
-    Ok(texts.collect::<Vec<_>>().join(", "))
+    Ok(texts.collect::<Result<Vec<_>, _>>()?.join(", "))
 }
 
 /// Every topic with a subscription has a publisher.

@@ -11,6 +11,7 @@ use experiment::identifiability::{
 };
 
 use probecell_msgs::{ProbeEvent, ProbingMove};
+use session_io::is_cell_file;
 
 use crate::{GOOD, output};
 
@@ -54,8 +55,11 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         power > 0.01 && power < 1.0,
         "--power {power} must lie between 0.01 and 1"
     );
-    let session = if is_cell(&arguments.plan) {
-        of_cell(&arguments.plan)?
+    let session = if is_cell_file(&arguments.plan) {
+        let (cell, name) = (Cell::read(&arguments.plan)?, arguments.plan.display());
+        output::with_progress(|progress| {
+            session_io::unmeasured(&cell, &name.to_string(), progress)
+        })?
     } else {
         of_bag(&arguments.plan)?
     };
@@ -67,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let name = plan_name(&session);
     let mut answer = match identifiability(&session, &question) {
         // The plan does not say in which posture an arm touches: the order does.
-        Err(SessionError::TooFew(..)) if is_cell(&arguments.plan) => {
+        Err(SessionError::TooFew(..)) if is_cell_file(&arguments.plan) => {
             identifiability(&in_order(session, &arguments.plan)?, &question)?
         }
         answer => answer?,
@@ -79,23 +83,6 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         print(&answer);
     }
     Ok(GOOD)
-}
-
-/// True for a cell file, false for what must be a bag.
-pub(super) fn is_cell(path: &Path) -> bool {
-    path.extension().is_some_and(|end| end == "toml")
-}
-
-/// The plan of a cell that has not measured yet.
-pub(super) fn of_cell(file: &Path) -> anyhow::Result<Session> {
-    let cell = Cell::read(file)?;
-    let robot_description = cell.text().robot_description.clone();
-    Ok(Session {
-        name: file.display().to_string(),
-        robot_description,
-        plan: Some(super::plan::part_of(&cell, 0.0)?),
-        ..Session::default()
-    })
 }
 
 /// Identifier of the plan of a session. That of a cell has none before it is measured: it has the name of its part, and without
@@ -110,7 +97,7 @@ fn plan_name(session: &Session) -> String {
 
 /// The session as if every touch of the measuring order had been made where the order has it.
 fn in_order(session: Session, file: &Path) -> anyhow::Result<Session> {
-    let planned = super::plan::of_cell(&Cell::read(file)?, 0.0, &|_| true)?;
+    let planned = super::plan::of_cell(&Cell::read(file)?)?;
     let (plan, order) = (planned.plan, planned.order);
     let touches = (order.moves.iter()).filter(|one| one.kind == ProbingMove::TOUCH);
     let events = (0..).zip(touches).map(|(sequence, one)| {

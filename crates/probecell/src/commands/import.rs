@@ -1,26 +1,28 @@
 //! `probecell import`: files of other systems as sessions that `info`, `report`, `diagnose` and `adopt` take like any other.
 //!
-//! Formats are read by the crate `exchange`; here a session is written, with the features evaluated where the uncertainty of
-//! a touch is known. Each file is attached to the recording as it was.
+//! Tables and recordings are read by the crate `exchange`, and a session is written by `session_io`; QIF and DMIS are read by the
+//! program `probecell-formats`, to which `plan` and `reference` hand over.
 
 mod contacts;
+mod motion;
 mod plan;
 mod readings;
 mod reference;
 mod touches;
-mod write;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
+use exchange::import::Imported;
 use exchange::table::Layout;
 use exchange::units::Units;
+use session_io::import::name_of;
+use session_io::imported::{self, Source};
 
-use write::write;
-pub(super) use write::{Source, write_session};
+use crate::{GOOD, LOSS, output};
 
-/// A larger file is no table of touches, bytes.
-const LARGEST: u64 = 1 << 30;
+/// Source revision of this program, for what it writes.
+const REVISION: &str = env!("PROBECELL_REVISION");
 
 /// What is imported.
 #[derive(clap::Subcommand)]
@@ -29,6 +31,8 @@ pub(crate) enum Command {
     Touches(touches::Arguments),
     /// Touches of a ROS 2 recording: poses or joint states, and a contact signal.
     Contacts(contacts::Arguments),
+    /// Joint states of a moving robot, with its description.
+    Motion(motion::Arguments),
     /// Features, tolerances and points of a QIF or DMIS file, as the plan of a session without touches.
     Plan(plan::Arguments),
     /// Results of an independent instrument for the points of a recording: a QIF or DMIS result, or a table.
@@ -53,10 +57,28 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
     match command {
         Command::Touches(arguments) => touches::run(arguments),
         Command::Contacts(arguments) => contacts::run(arguments),
+        Command::Motion(arguments) => motion::run(arguments),
         Command::Plan(arguments) => plan::run(arguments),
         Command::Reference(arguments) => reference::run(arguments),
         Command::Readings(arguments) => readings::run(arguments),
     }
+}
+
+/// Writes the session, prints what was read, and gives the exit status: 3 where rows were refused.
+fn write(
+    folder: &Path,
+    imported: &Imported,
+    settings: Option<&analysis::RawConfig>,
+    source: &Source,
+) -> anyhow::Result<u8> {
+    let written = imported::write(folder, imported, settings, source)?;
+    for remark in &written.remarks {
+        output::remark(remark);
+    }
+    for line in &written.lines {
+        output::line(line);
+    }
+    Ok(if written.is_whole { GOOD } else { LOSS })
 }
 
 /// How a table is written, and its units.
@@ -65,7 +87,7 @@ pub(super) struct TableArguments {
     /// Units of the file, for example length=mm,deviation=um,angle=deg,time=s: no unit is guessed.
     #[arg(long, default_value = "", hide_default_value = true)]
     units: String,
-    /// Column delimiter: one character, or `tab`.
+    /// Column delimiter: one character, `tab`, or `blanks` for any number of blanks and tabs.
     #[arg(long, default_value = ",")]
     delimiter: String,
     /// Numbers have a decimal comma.
@@ -74,20 +96,44 @@ pub(super) struct TableArguments {
     /// The file has no line with names of columns; columns are #1, #2 and so on.
     #[arg(long)]
     no_header: bool,
+    /// Lines of the table in the file, FIRST-LAST or FIRST-; a title above and sums below are left out.
+    #[arg(
+        long,
+        value_name = "LINES",
+        default_value = "1-",
+        hide_default_value = true
+    )]
+    lines: String,
 }
 
 impl TableArguments {
     fn layout(&self) -> anyhow::Result<Layout> {
         let delimiter = match (self.delimiter.as_str(), self.delimiter.chars().count()) {
             ("tab", _) => '\t',
+            ("blanks", _) => ' ',
             (text, 1) => text.chars().next().unwrap_or(','),
-            _ => bail!("--delimiter must be one character, or tab"),
+            _ => bail!("--delimiter must be one character, tab or blanks"),
         };
         ensure!(
             !(self.decimal_comma && delimiter == ','),
             "--decimal-comma needs another --delimiter than a comma"
         );
+        let (first, last) = self
+            .lines
+            .split_once('-')
+            .unwrap_or((&self.lines, &self.lines));
+        let number = |text: &str| text.trim().parse::<u64>().ok();
+        let lines = match (number(first), number(last)) {
+            (Some(first), None) if last.trim().is_empty() => (first, u64::MAX),
+            (Some(first), Some(last)) => (first, last),
+            _ => (0, 0),
+        };
+        ensure!(
+            1 <= lines.0 && lines.0 <= lines.1,
+            "--lines must be FIRST-LAST or FIRST-, from 1"
+        );
         Ok(Layout {
+            lines,
             delimiter,
             decimal_comma: self.decimal_comma,
             header: !self.no_header,
@@ -138,42 +184,4 @@ impl OutArguments {
             ..analysis::RawConfig::default()
         })
     }
-}
-
-/// The name given, else that of a file.
-fn name_of(given: Option<&str>, file: &Path) -> anyhow::Result<String> {
-    let of_file = || {
-        file.file_stem()
-            .map(|stem| stem.to_string_lossy().into_owned())
-    };
-    let name = given
-        .map(str::to_owned)
-        .or_else(of_file)
-        .unwrap_or_default();
-    ensure!(
-        !name.is_empty() && !name.chars().any(probecell_msgs::is_unprintable),
-        "--name must be a printable name"
-    );
-    Ok(name)
-}
-
-/// The text of a file.
-fn text_of(file: &Path) -> anyhow::Result<String> {
-    let unread = || format!("{} cannot be read", file.display());
-    let known = std::fs::metadata(file).with_context(unread)?;
-    ensure!(known.is_file(), "{} is not a regular file", file.display());
-    ensure!(
-        known.len() <= LARGEST,
-        "{} is larger than 1 GiB",
-        file.display()
-    );
-    let bytes = std::fs::read(file).with_context(unread)?;
-    String::from_utf8(bytes).map_err(|error| {
-        let at = error.utf8_error().valid_up_to();
-        let line = error.as_bytes()[..at].split(|&byte| byte == b'\n').count();
-        anyhow::anyhow!(
-            "{}: line {line} is not UTF-8 text (iconv -f latin1 -t utf8 converts it from Latin-1)",
-            file.display()
-        )
-    })
 }

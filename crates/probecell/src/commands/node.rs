@@ -1,12 +1,14 @@
-//! `probecell node`: runs one node, the driver of a controller, or what reads signals beside the machine, in this process.
+//! `probecell node`: runs one node, the driver of a controller, or what publishes signals beside the machine, in this process.
 
 use std::{collections::BTreeMap, path::Path, sync::atomic::Ordering};
 
+use anyhow::Context;
 use cell::{Cell, keys::KeyFolder};
 use controllers::driver::{ConnectError, Connection, Role};
-use graph::Wiring;
-use host::{NodeProcess, bus::Bus, run_driver, run_node, run_signals};
+use graph::{Wiring, topics};
+use host::{NodeProcess, bus::Bus, run_driver, run_node, run_signals, signals::Reader};
 
+use super::external;
 use crate::{GOOD, cell_bus, confined, ros_arguments::read_cell, routing::refuse_unheard, signals};
 
 /// Runs the node until SIGINT or SIGTERM. `supervised`: `up` has started it, and has looked at the bus.
@@ -33,7 +35,7 @@ pub(crate) fn run(
         }
     }
     if cell.signals_process() == Some(name) {
-        return read_signals(&cell, name, supervised);
+        return publish_signals(&cell, name, recorded, supervised);
     }
     let folder = KeyFolder::of(&cell)?;
     // The private key goes to the one node that signs, and to no other.
@@ -82,21 +84,35 @@ fn awaited(cell: &Cell, recorded: bool) -> anyhow::Result<BTreeMap<String, usize
     Ok(awaited)
 }
 
-/// Reads controllers beside the machine until it is asked to end.
-fn read_signals(cell: &Cell, name: &str, supervised: bool) -> anyhow::Result<u8> {
-    let polls = cell.polls().map_err(anyhow::Error::msg)?;
+/// Publishes what a program reads of controllers beside the machine, until it is asked to end. That program has the network; this
+/// process has the bus.
+fn publish_signals(
+    cell: &Cell,
+    name: &str,
+    recorded: bool,
+    supervised: bool,
+) -> anyhow::Result<u8> {
+    let program = external::signals_reader(cell)?.context("the cell has no signals")?;
     let bus = cell_bus::bus_config(cell, name)?;
-    confined::with_network(&bus)?;
+    // Afterwards this process starts no program.
+    let reader = Reader::start(&program)?;
+    confined::node(&bus)?;
     if !supervised {
         refuse_unheard(cell)?;
     }
     let bus = Bus::open(&bus, name, &cell.namespace())?;
     cell_bus::show(&bus, cell, name)?;
     let end = signals::end_flag()?;
-    run_signals(bus, polls, &cell.namespace(), &|| {
-        end.load(Ordering::SeqCst)
-    })?;
-    Ok(GOOD)
+    let subscribers = awaited(cell, recorded)?.remove(topics::SIGNALS.name);
+    let ended = run_signals(
+        bus,
+        reader,
+        &cell.polls(),
+        &cell.namespace(),
+        subscribers.unwrap_or_default(),
+        &|| end.load(Ordering::SeqCst),
+    )?;
+    ended.map_or(Ok(GOOD), |ended| Err(ended.into()))
 }
 
 /// Runs the driver of a real controller until it is asked to end.

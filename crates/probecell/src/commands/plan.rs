@@ -8,18 +8,19 @@ use cell::Cell;
 use graph::Stamp;
 use machine::{Chain, Nominal};
 use path_planning::Planned;
-use probecell_msgs::{InspectionPlan, PlanProgress};
 use serde_json::json;
-use session_io::evaluation::{Features, evaluate};
+use session_io::evaluation::{evaluate, lines};
+use session_io::is_cell_file;
+use session_io::order::measuring_order;
 
 use crate::{GOOD, output, ros_arguments::read_cell};
 
 /// Plans and prints.
 pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
-    let (planned, status) = if is_cell(source) {
-        (of_cell(&read_cell(source)?, 0.0, &|_| true)?, GOOD)
+    let (planned, status) = if is_cell_file(source) {
+        (of_cell(&read_cell(source)?)?, GOOD)
     } else {
-        of_bag(&Bag::open(source)?, None, &|_| true)?
+        of_bag(&Bag::open(source)?)?
     };
     if as_json {
         output::json(&session_io::order::json(&planned)?)?;
@@ -52,45 +53,17 @@ pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
     Ok(status)
 }
 
-/// What the command is given is a cell file and not a bag.
-pub(crate) fn is_cell(source: &Path) -> bool {
-    source
-        .extension()
-        .is_some_and(|extension| extension == "toml")
-}
-
 /// What [`Cell::measuring_order`] finds, with progress on a terminal.
-pub(crate) fn of_cell(
-    cell: &Cell,
-    allowance: f64,
-    wanted: &dyn Fn(u32) -> bool,
-) -> anyhow::Result<Planned> {
-    Ok(shown(|progress| {
-        cell.measuring_order(allowance, wanted, progress)
-    })?)
-}
-
-/// What [`Cell::inspection_plan`] finds, with progress on a terminal.
-pub(crate) fn part_of(cell: &Cell, allowance: f64) -> anyhow::Result<InspectionPlan> {
-    Ok(shown(|progress| cell.inspection_plan(allowance, progress))?)
+pub(super) fn of_cell(cell: &Cell) -> anyhow::Result<Planned> {
+    let plan = |progress: &mut dyn FnMut(&_)| cell.measuring_order(0.0, &|_| true, progress);
+    Ok(output::with_progress(plan)?)
 }
 
 /// What [`session_io::order::measuring_order`] finds, with progress on a terminal, and the exit status.
-pub(crate) fn of_bag(
-    bag: &Bag,
-    clearance: Option<(usize, f64)>,
-    wanted: &dyn Fn(u32) -> bool,
-) -> anyhow::Result<(Planned, u8)> {
-    let (planned, damage) =
-        shown(|progress| session_io::order::measuring_order(bag, clearance, wanted, progress))?;
+fn of_bag(bag: &Bag) -> anyhow::Result<(Planned, u8)> {
+    let plan = |progress: &mut dyn FnMut(&_)| measuring_order(bag, None, &|_| true, progress);
+    let (planned, damage) = output::with_progress(plan)?;
     Ok((planned, output::damage(&damage)))
-}
-
-/// Plans, with progress on a terminal.
-pub(crate) fn shown<T>(plan: impl FnOnce(&mut dyn FnMut(&PlanProgress)) -> T) -> T {
-    let planned = plan(&mut output::progress);
-    output::end_progress();
-    planned
 }
 
 /// Runs the analysis on a recording of another system: its plan and touches, on virtual time.
@@ -129,20 +102,8 @@ pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
         deviations.len(),
         plan.plan_id
     ));
-    print_features(&features);
-    Ok(status)
-}
-
-/// A line for each feature.
-pub(crate) fn print_features(features: &Features) {
-    for result in features.values() {
-        output::line(&format!(
-            "  {:<20} {:10.4} mm  {:+8.2} µm  form {:7.2} µm  {}",
-            result.feature_id,
-            result.size * 1e3,
-            result.size_deviation * 1e6,
-            result.form * 1e6,
-            result.text
-        ));
+    for line in lines(&features) {
+        output::line(&line);
     }
+    Ok(status)
 }

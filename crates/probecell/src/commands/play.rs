@@ -17,7 +17,6 @@ use bags::{Bag, Durability, History, Reliability};
 use clap::Args;
 use graph::{Stamp, topics};
 use host::bus::{self, Bus, BusConfig, Publisher, Qos, TypeId};
-use indicatif::ProgressBar;
 use probecell_msgs::{Message, rosgraph_msgs::Clock, to_cdr};
 
 use crate::{
@@ -294,7 +293,7 @@ impl<'a> Player<'a> {
         first: u64,
         last: u64,
     ) -> anyhow::Result<bool> {
-        let progress = ProgressBar::new((last - first) / 1_000_000_000);
+        let seconds = |until: u64| until.saturating_sub(first) / 1_000_000_000;
         let mut from = pace.at;
         'again: loop {
             let mut published = Instant::now();
@@ -335,8 +334,7 @@ impl<'a> Player<'a> {
                     }
                     if published.elapsed() >= CLOCK_PERIOD {
                         self.publish_clock(pace.due().min(message.log_time))?;
-                        progress
-                            .set_position(message.log_time.saturating_sub(first) / 1_000_000_000);
+                        output::position("playing, s", seconds(message.log_time), seconds(last));
                         published = Instant::now();
                     }
                 }
@@ -344,7 +342,7 @@ impl<'a> Player<'a> {
                     publisher.publish(message.payload.to_vec(), message.publish_time as i64)?;
                 }
             }
-            progress.finish_and_clear();
+            output::end_progress();
             return Ok(true);
         }
     }

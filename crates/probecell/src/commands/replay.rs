@@ -10,7 +10,6 @@ use graph::{
     replay::{Difference, Factory, Recording, Report, Verdict, replay},
     topics,
 };
-use indicatif::ProgressBar;
 use probecell_msgs::from_cdr;
 use serde_json::json;
 
@@ -67,11 +66,12 @@ fn factory(cell: &Cell, name: &'static str) -> Factory {
 
 fn read(bag: &Bag, cell: &Cell) -> anyhow::Result<Recording> {
     let total: u64 = bag.counts().iter().sum();
-    let progress = ProgressBar::new(total).with_message("reading");
     let prefix = format!("{}/", cell.namespace());
     let mut recording = Recording::default();
-    for message in bag.messages() {
-        progress.inc(1);
+    for (number, message) in (0..).zip(bag.messages()) {
+        if number % 10_000 == 0 {
+            output::position("reading, messages", number, total);
+        }
         // Damage is reported by the bag itself; the intact part is used.
         let Ok(message) = message else { continue };
         if let Some(topic) = message.channel.topic.strip_prefix(&prefix) {
@@ -84,7 +84,7 @@ fn read(bag: &Bag, cell: &Cell) -> anyhow::Result<Recording> {
             );
         }
     }
-    progress.finish_and_clear();
+    output::end_progress();
     if recording.journaled().next().is_none() {
         bail!(
             "{} has no step journals: it was not recorded from a running cell",

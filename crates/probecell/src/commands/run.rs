@@ -13,6 +13,13 @@ const VALIDITY: f64 = 8.0;
 /// Calls the service `run`. The request expires, by the cell's own clock, before this command gives up.
 pub(crate) fn run(file: &Path, part: &str) -> anyhow::Result<u8> {
     let client = CellClient::connect(file)?;
+    let response = request(&client, part)?;
+    client.close()?;
+    Ok(print_reply(response.accepted, &response.text))
+}
+
+/// Requests a part of the cell that a client is connected to.
+pub(crate) fn request(client: &CellClient, part: &str) -> anyhow::Result<srv::RunResponse> {
     let status = client.call::<srv::Status>("status", &srv::StatusRequest::default())?;
     let request = srv::RunRequest {
         part_id: part.to_owned(),
@@ -20,7 +27,5 @@ pub(crate) fn run(file: &Path, part: &str) -> anyhow::Result<u8> {
         expires: Stamp::from(&status.header.stamp).after_s(VALIDITY).time(),
         ..srv::RunRequest::default()
     };
-    let response = client.call::<srv::Run>("run", &request)?;
-    client.close()?;
-    Ok(print_reply(response.accepted, &response.text))
+    client.call::<srv::Run>("run", &request)
 }

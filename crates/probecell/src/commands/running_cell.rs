@@ -294,7 +294,7 @@ fn add(later: &mut Session, plan_id: &str, message: CellMessage) {
 }
 
 /// Every point has an event, and axes and state were received after the last.
-fn complete(later: &Session) -> bool {
+pub(crate) fn complete(later: &Session) -> bool {
     let Some(plan) = &later.plan else {
         return false;
     };

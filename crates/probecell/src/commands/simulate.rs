@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use diagnosis::{Options, diagnose_with_residuals};
-use validation::predictive::{Predictive, USUAL_DRAWS};
+use report::predictive::{Predictive, USUAL_DRAWS};
 
 use session_io::write;
 

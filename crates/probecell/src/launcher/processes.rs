@@ -8,9 +8,14 @@ use std::{
 };
 
 use anyhow::Context;
-use rustix::process::{Pid, Signal, kill_process};
 
-use crate::{cell_bus::CellFailure, commands, operator::ProcessState, output, ros_arguments};
+use crate::{
+    cell_bus::CellFailure,
+    commands,
+    operator::ProcessState,
+    output, ros_arguments,
+    signals::{terminate, wait_for_end},
+};
 
 /// Supervision period.
 pub(super) const PERIOD: Duration = Duration::from_millis(20);
@@ -189,17 +194,17 @@ impl Processes {
             terminate(&mut node.child);
         }
         for node in &mut self.nodes {
-            wait_for_end(&mut node.child)?;
+            wait_for_end(&mut node.child, END_TIMEOUT)?;
         }
         if let Some(dashboard) = &mut self.dashboard {
             terminate(dashboard);
-            wait_for_end(dashboard)?;
+            wait_for_end(dashboard, END_TIMEOUT)?;
         }
         let Some(recorder) = &mut self.recorder else {
             return Ok(false);
         };
         terminate(&mut recorder.child);
-        let code = wait_for_end(&mut recorder.child)?;
+        let code = wait_for_end(&mut recorder.child, END_TIMEOUT)?;
         Ok(code != Some(0))
     }
 }
@@ -215,29 +220,5 @@ impl Drop for Processes {
                 drop(child.wait());
             }
         }
-    }
-}
-
-fn terminate(child: &mut Child) {
-    if matches!(child.try_wait(), Ok(None))
-        && let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw)
-    {
-        // It may have ended between the two lines; then there is nothing to signal.
-        kill_process(pid, Signal::TERM).unwrap_or_default();
-    }
-}
-
-fn wait_for_end(child: &mut Child) -> anyhow::Result<Option<i32>> {
-    let deadline = Instant::now() + END_TIMEOUT;
-    loop {
-        if let Some(status) = child.try_wait()? {
-            return Ok(status.code());
-        }
-        if Instant::now() > deadline {
-            child.kill()?;
-            child.wait()?;
-            return Ok(None);
-        }
-        std::thread::sleep(PERIOD);
     }
 }

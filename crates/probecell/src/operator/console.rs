@@ -4,7 +4,7 @@ use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, PartReport, PassDecision, Verdict,
 };
 
-use crate::output;
+use crate::output::{self, Colour};
 
 /// A fault of a node.
 pub(super) fn print_fault(fault: &Fault) {
@@ -14,21 +14,77 @@ pub(super) fn print_fault(fault: &Fault) {
     ));
 }
 
-/// Sizes, deviations and verdicts of one measurement, and what follows.
-pub(super) fn print_measurement(decision: &PassDecision, verdicts: &[Verdict]) {
+/// The rule by which a verdict was found, for the line above its table, and the expanded uncertainty, as its text says both.
+fn rule(verdict: &Verdict) -> Option<(String, &str)> {
+    let reasons = verdict.reasons();
+    let (_, rest) = verdict.text.split_once(", U = ")?;
+    let (expanded, rest) = rest.split_once(" µm (k = ")?;
+    let (factor, _) = rest.split_once(')')?;
+    let limit = reasons.largest_risk?;
+    let rule = format!(
+        "{}, k = {factor}, risk of nonconformity at the limit {limit}",
+        reasons.rule
+    );
+    Some((rule, expanded))
+}
+
+/// What a text says besides rule and risk.
+fn besides(verdict: &Verdict) -> &str {
+    if rule(verdict).is_none() {
+        return &verdict.text;
+    }
+    let (_, more) = (verdict.text)
+        .split_once("at the limit of acceptance ")
+        .unwrap_or_default();
+    more.split_once("; ").map_or("", |(_, more)| more)
+}
+
+/// Whether a verdict is good, to be looked at, or bad.
+fn colour(verdict: u8) -> Colour {
+    match verdict {
+        Verdict::QUALIFIED => Colour::Green,
+        Verdict::COMPENSABLE | Verdict::INDETERMINATE => Colour::Yellow,
+        _ => Colour::Red,
+    }
+}
+
+/// Sizes, deviations and verdicts of one measurement, and what follows. `verbose`: with the whole text of each verdict.
+pub(super) fn print_measurement(decision: &PassDecision, verdicts: &[Verdict], verbose: bool) {
     output::line(&decision.plan_id);
-    for verdict in verdicts {
-        let (size, error) = (verdict.size * 1e3, verdict.error * 1e6);
-        let word = Verdict::word(verdict.verdict);
-        let note = if verdict.text.is_empty() {
-            String::new()
-        } else {
-            format!("  {}", verdict.text)
-        };
+    let ruled = |one: &Verdict| rule(one).map(|(rule, _)| rule);
+    let first_word = "size";
+    let width = verdicts.iter().map(|one| one.feature_id.chars().count());
+    let width = width.max().unwrap_or(0).max(first_word.len());
+    for together in verdicts.chunk_by(|one, next| ruled(one) == ruled(next)) {
+        if let Some(rule) = ruled(&together[0]) {
+            output::line(&format!("  by {rule}"));
+        }
         output::line(&format!(
-            "  {:<8} {size:9.4} mm  {error:+7.1} µm  {word}{note}",
-            verdict.feature_id
+            "  {first_word:<width$}  {:>12}  {:>16}  {:>10}  {:<12}  verdict",
+            "measured", "deviation ± U", "limits", "risk"
         ));
+        for verdict in together {
+            let expanded = rule(verdict).map(|(_, expanded)| expanded);
+            let spread = expanded.map_or(String::new(), |expanded| format!(" ± {expanded}"));
+            let deviation = format!("{:+.1}{spread} µm", verdict.error * 1e6);
+            let limits = format!("± {:.1} µm", verdict.tolerance * 1e6);
+            let row = format!(
+                "  {:<width$}  {:>9.4} mm  {deviation:>16}  {limits:>10}  {:<12}  ",
+                verdict.feature_id,
+                verdict.size * 1e3,
+                verdict.reasons().risk.unwrap_or("")
+            );
+            let word = Verdict::word(verdict.verdict);
+            output::coloured(&row, word, colour(verdict.verdict));
+            let more = if verbose {
+                &verdict.text
+            } else {
+                besides(verdict)
+            };
+            if !more.is_empty() {
+                output::wrapped("    ", 4, more);
+            }
+        }
     }
     let next = match decision.decision {
         PassDecision::NEXT => "next pass",
@@ -80,14 +136,14 @@ pub(super) fn print_correction(correction: &Correction, file: &str) {
     let (from, to) = (correction.previous_value * 1e6, correction.new_value * 1e6);
     let who = match correction.approval {
         Correction::APPROVAL_NONE => format!(
-            "waits for approval: probecell approve {} --operator NAME --cell {file}",
+            "\n    waits for approval: probecell approve {} --operator NAME --cell {file}",
             correction.correction_id
         ),
-        Correction::APPROVAL_REJECTED => format!("rejected by {}", correction.approved_by),
-        _ => format!("approved by {}", correction.approved_by),
+        Correction::APPROVAL_REJECTED => format!(", rejected by {}", correction.approved_by),
+        _ => format!(", approved by {}", correction.approved_by),
     };
     output::line(&format!(
-        "  correction of {}: {from:+.1} -> {to:+.1} µm, {who}",
+        "  correction of {}: {from:+.1} -> {to:+.1} µm{who}",
         target(correction)
     ));
     for entry in ::report::table_entries(correction) {

@@ -76,10 +76,10 @@ pub(crate) struct Operator {
 }
 
 impl Operator {
-    /// Joins the cell: subscribes to its topics and offers its services.
-    pub(crate) fn join(bus: Bus, cell: &Cell) -> anyhow::Result<Self> {
+    /// Joins the cell: subscribes to its topics and offers its services. `verbose`: prints all that the verdicts say.
+    pub(crate) fn join(bus: Bus, cell: &Cell, verbose: bool) -> anyhow::Result<Self> {
         let namespace = cell.namespace();
-        let state = Arc::new(Mutex::new(OperatorState::new(cell)));
+        let state = Arc::new(Mutex::new(OperatorState::new(cell, verbose)));
         let requests = Arc::new(RequestPublishers::new(&bus, cell, &state)?);
         let mut operator = Self {
             diagnostics: Diagnostics::new(&bus, cell)?,

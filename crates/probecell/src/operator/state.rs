@@ -53,6 +53,8 @@ pub(super) struct OperatorState {
     /// The processes of the cell.
     pub(super) processes: Vec<ProcessState>,
     verdicts: BTreeMap<String, Vec<Verdict>>,
+    /// All that they say is printed.
+    verbose: bool,
     decisions: BTreeMap<String, PassDecision>,
     /// Number of characteristics that decide in each pass: so many verdicts belong to each decision.
     characteristics: Vec<usize>,
@@ -80,7 +82,7 @@ pub(super) fn lock(state: &Mutex<OperatorState>) -> MutexGuard<'_, OperatorState
 
 impl OperatorState {
     /// The state before anything was received.
-    pub(super) fn new(cell: &Cell) -> Self {
+    pub(super) fn new(cell: &Cell, verbose: bool) -> Self {
         let passes = cell.cycle.passes.iter();
         let characteristics = passes.map(|pass| {
             let all = cell.compensation.characteristics.iter();
@@ -89,6 +91,7 @@ impl OperatorState {
         });
         Self {
             characteristics: characteristics.collect(),
+            verbose,
             ..Self::default()
         }
     }
@@ -174,7 +177,7 @@ impl OperatorState {
             && let Some(decision) = self.decisions.remove(plan_id)
             && let Some(verdicts) = self.verdicts.remove(plan_id)
         {
-            print_measurement(&decision, &verdicts);
+            print_measurement(&decision, &verdicts, self.verbose);
         }
     }
 }

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
-use exchange::import::{Counts, Imported, dmis, qif};
-use machine::PART_FRAME_MACHINE;
+use anyhow::bail;
+use session_io::import::text_of;
 
-use super::{Format, Source, text_of, write};
+use super::super::external::{self, choice, option};
+use super::Format;
 
 /// What the user asks for.
 #[derive(clap::Args)]
@@ -27,36 +27,16 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
-/// Imports.
+/// Has the program for formats import it.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let text = text_of(&arguments.file)?;
-    let read = match arguments.format {
-        Format::Qif => qif::plan(&text),
-        Format::Dmis => dmis::plan(&text),
-        Format::Csv => bail!("a plan in a table is the table of features of `import touches`"),
-    };
-    let found = read.with_context(|| arguments.file.display().to_string())?;
-    let name = super::name_of(arguments.name.as_deref(), &arguments.file)?;
-    let imported = Imported {
-        robot_description: PART_FRAME_MACHINE.to_owned(),
-        plan: found.plan(&name),
-        counts: Counts {
-            read: found.features.len() as u64,
-            refused: found.left_out.len() as u64,
-            ..Counts::default()
-        },
-        remarks: found
-            .left_out
-            .iter()
-            .map(|one| format!("left out: {one}"))
-            .collect(),
-        ..Imported::default()
-    };
-    let source = Source {
-        kind: "plan",
-        files: vec![arguments.file.clone()],
-        settings: Vec::new(),
-        cell: None,
-    };
-    write(&arguments.out, &imported, None, &source)
+    if arguments.format == Format::Csv {
+        text_of(&arguments.file)?;
+        bail!("a plan in a table is the table of features of `import touches`");
+    }
+    let mut options = vec![
+        choice("format", &arguments.format),
+        option("out", &arguments.out),
+    ];
+    options.extend(arguments.name.as_ref().map(|name| option("name", name)));
+    external::read_by_formats(&["import", "plan"], options, &arguments.file)
 }

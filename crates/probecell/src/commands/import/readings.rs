@@ -6,8 +6,12 @@ use anyhow::{Context, bail};
 use cell::Cell;
 use clap::ValueEnum;
 use exchange::import::readings::{self, Settings, Test};
+use exchange::table::Table;
+use exchange::table::forms::{self, Form, Formed};
+use session_io::import::{name_of, table_text_of, text_of};
+use session_io::imported::Source;
 
-use super::{Source, TableArguments, text_of, write};
+use super::{REVISION, TableArguments, write};
 
 /// A test of a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -20,19 +24,34 @@ enum Kind {
     RTest,
 }
 
+/// A file of a fixed form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Fixed {
+    /// Report of a positioning test with tables of tgt_pos(i) and ref_pos(i,j): all but the axis.
+    Iso230Report,
+}
+
 /// What the user asks for.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
 probecell import readings x_axis.csv --test positioning --units length=mm,deviation=um --out x_axis\n  \
 probecell import readings ball_bar.csv --test circular --plane X Y --radius-mm 150 --at X=0,Y=0 \\\n      \
 --units length=mm,angle=deg,deviation=um --out ball_bar\n\n\
-Columns have the names that the test lists; `time` is read where it is there.")]
+Columns have the names that the test lists, or those that --columns gives; `time` is read where it is there. For the deviation of a \
+positioning test --columns may name `measured` (position, with `target` or `commanded`), or `forward` and `reverse` side by side.")]
 pub(crate) struct Arguments {
     /// The table.
     file: PathBuf,
     /// Kind of test.
     #[arg(long, value_enum)]
     test: Kind,
+    /// Columns by role, ROLE=COLUMN,..., where they are not named like their roles; COLUMN is a name of the header, #N for the
+    /// N-th, or a value for all rows (axis=X, repeat=1). Those that a form has need not be named.
+    #[arg(long, default_value = "", hide_default_value = true)]
+    columns: String,
+    /// The file is no delimited table, but of this form.
+    #[arg(long, value_enum, conflicts_with_all = ["delimiter", "decimal_comma", "no_header", "lines"])]
+    form: Option<Fixed>,
     #[command(flatten)]
     table: TableArguments,
     /// The machine; without it, the axes X, Y, Z of the test are slides stacked in this order.
@@ -79,20 +98,47 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         (None, Some(file)) => Some(text_of(file)?),
         (None, None) => None,
     };
+    let (text, assumed) = table_text_of(&arguments.file)?;
+    let of_file = || arguments.file.display().to_string();
+    let formed = match arguments.form {
+        Some(Fixed::Iso230Report) => forms::read(&text, Form::Iso230Report),
+        None => Table::read(&text, arguments.table.layout()?).map(|table| Formed {
+            table,
+            ..Formed::default()
+        }),
+    };
+    let formed = formed.with_context(of_file)?;
+    let columns = [&formed.columns, &arguments.columns];
+    let columns: Vec<&str> = columns
+        .into_iter()
+        .map(String::as_str)
+        .filter(|one| !one.is_empty())
+        .collect();
     let settings = Settings {
         layout: arguments.table.layout()?,
-        units: arguments.table.units()?,
+        columns: columns.join(","),
+        units: formed.units(&arguments.table.units).context("--units")?,
         standing: standing(&arguments.at, urdf.as_deref())?,
         urdf,
-        name: super::name_of(arguments.name.as_deref(), &arguments.file)?,
+        name: name_of(arguments.name.as_deref(), &arguments.file)?,
     };
-    let imported = readings::read(&text_of(&arguments.file)?, &test, &settings)
-        .with_context(|| arguments.file.display().to_string())?;
+    let mut imported =
+        readings::read_table(&formed.table, &test, &settings).with_context(of_file)?;
+    imported
+        .remarks
+        .extend(formed.remarks.iter().cloned().chain(assumed));
     let source = Source {
         kind: "readings",
         files: vec![arguments.file.clone()],
-        settings: vec![("units", arguments.table.units.clone())],
+        settings: vec![
+            ("columns", settings.columns.clone()),
+            (
+                "units",
+                super::touches::stated(&arguments.table.units, &formed),
+            ),
+        ],
         cell: cell.map(|cell| cell.text().clone()),
+        revision: REVISION,
     };
     write(&arguments.out, &imported, None, &source)
 }

@@ -1,18 +1,12 @@
 //! `probecell import reference`: what an outside instrument found of the points of a recording.
-//!
-//! The recording is copied whole, with the reference behind it, so that `report` compares both and `diagnose` uses both.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context, ensure};
-use bags::{Bag, Channel, Measurement, Overflow, Qos, Recorder, RecorderOptions, Session};
-use exchange::import::reference::{Found, measurement};
-use exchange::import::{dmis, qif, table_reference};
-use graph::topics;
-use probecell_msgs::builtin_interfaces::Time;
-use probecell_msgs::{InspectionPlan, Message, ReferenceMeasurement, std_msgs, to_cdr};
+use exchange::import::table_reference;
+use session_io::reference::{Request, add};
 
-use super::{Format, TableArguments, text_of};
+use super::super::external::{self, choice, option};
+use super::{Format, TableArguments};
 use crate::output;
 
 /// What the user asks for.
@@ -49,127 +43,32 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
-/// Imports.
+/// Imports a table; other formats are read by the program for formats.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let uncertainty = arguments.uncertainty_um * 1e-6;
-    ensure!(
-        uncertainty.is_finite() && uncertainty > 0.0,
-        "--uncertainty-um must be above 0"
-    );
-    let bag = Bag::open(&arguments.to)?;
-    let wanted = arguments
-        .plan
-        .clone()
-        .map_or(Measurement::Last, Measurement::Named);
-    let session = Session::read_measurement(&bag, &wanted)?;
-    let plan = session
-        .plan
-        .with_context(|| format!("{} has no inspection plan", arguments.to.display()))?;
-    let found = found(arguments).with_context(|| arguments.file.display().to_string())?;
-    let mut reference = measurement(&plan, &found, &arguments.instrument, uncertainty)
-        .with_context(|| arguments.file.display().to_string())?;
-    let (_, end) = bag.bounds().unwrap_or_default();
-    reference.header = std_msgs::Header {
-        stamp: Time::from_nanos(i64::try_from(end).unwrap_or(0)),
-        frame_id: "part".to_owned(),
+    if arguments.format != Format::Csv {
+        let mut options = vec![
+            choice("format", &arguments.format),
+            option("to", &arguments.to),
+            option("instrument", &arguments.instrument),
+            option("uncertainty-um", arguments.uncertainty_um.to_string()),
+            option("out", &arguments.out),
+        ];
+        options.extend(arguments.plan.as_ref().map(|plan| option("plan", plan)));
+        return external::read_by_formats(&["import", "reference"], options, &arguments.file);
+    }
+    let request = Request {
+        file: &arguments.file,
+        to: &arguments.to,
+        plan: arguments.plan.as_deref(),
+        instrument: &arguments.instrument,
+        uncertainty_um: arguments.uncertainty_um,
+        out: &arguments.out,
     };
-    copied(&bag, arguments, &session.namespace, &reference, end)?;
-    print_summary(&arguments.out, &plan, &reference);
-    Ok(output::damage(&session.damage))
-}
-
-fn found(arguments: &Arguments) -> anyhow::Result<Vec<Found>> {
-    let text = text_of(&arguments.file)?;
-    Ok(match arguments.format {
-        Format::Qif => {
-            let (found, left_out) = qif::results(&text)?;
-            for one in left_out {
-                output::remark(&format!("note: left out: {one}"));
-            }
-            found
-        }
-        Format::Dmis => dmis::results(&text)?,
-        Format::Csv => {
-            let (layout, units) = (arguments.table.layout()?, arguments.table.units()?);
-            table_reference::read(&text, &arguments.columns, layout, &units)?
-        }
-    })
-}
-
-/// The recording with the reference behind it.
-fn copied(
-    bag: &Bag,
-    arguments: &Arguments,
-    namespace: &str,
-    reference: &ReferenceMeasurement,
-    end: u64,
-) -> anyhow::Result<()> {
-    let recorder = Recorder::start(RecorderOptions {
-        overflow: Overflow::Block,
-        ..RecorderOptions::new(&arguments.out)
+    let columns = &arguments.columns;
+    let (summary, damage) = add(&request, |text| {
+        let (layout, units) = (arguments.table.layout()?, arguments.table.units()?);
+        Ok(table_reference::read(text, columns, layout, &units)?)
     })?;
-    let mut channels = Vec::new();
-    for channel in bag.channels() {
-        channels.push(recorder.channel(channel)?);
-    }
-    for message in bag.messages() {
-        let Ok(message) = message else {
-            // Damage is reported at the end.
-            continue;
-        };
-        let known = bag
-            .channels()
-            .iter()
-            .position(|one| one.topic == message.channel.topic);
-        let channel = known.with_context(|| format!("{} has no channel", message.channel.topic))?;
-        recorder.push(
-            channels[channel],
-            message.sequence.into(),
-            message.log_time,
-            message.publish_time,
-            message.payload,
-        )?;
-    }
-    for attachment in bag.attachments().flatten() {
-        recorder.attach(
-            attachment.name,
-            attachment.media_type,
-            attachment.log_time,
-            attachment.data,
-        )?;
-    }
-    for (name, table) in bag.metadata() {
-        recorder.metadata(name, table.clone())?;
-    }
-    let name = arguments
-        .file
-        .file_name()
-        .map(|name| name.to_string_lossy().into_owned());
-    let name = format!("imported/{}", name.unwrap_or_default());
-    recorder.attach(
-        name,
-        "application/octet-stream",
-        end,
-        std::fs::read(&arguments.file)?,
-    )?;
-    let topic = format!("{namespace}/{}", topics::REFERENCE.name);
-    let channel = recorder.channel(&Channel::of(
-        &topic,
-        ReferenceMeasurement::TYPE,
-        Qos::latched(),
-    ))?;
-    recorder.push(channel, 1, end, end, to_cdr(reference))?;
-    recorder.stop()?;
-    Ok(())
-}
-
-fn print_summary(out: &Path, plan: &InspectionPlan, reference: &ReferenceMeasurement) {
-    output::line(&format!(
-        "{}: {} of {} points of plan {:?} by {}",
-        out.display(),
-        reference.point_index.len(),
-        plan.points.len(),
-        plan.plan_id,
-        reference.instrument
-    ));
+    output::line(&summary);
+    Ok(output::damage(&damage))
 }

@@ -5,10 +5,52 @@ use std::path::PathBuf;
 use anyhow::{Context, bail, ensure};
 use cell::{Cell, CellText};
 use exchange::import::{features, touches};
-use session_io::import;
+use exchange::table::Table;
+use exchange::table::forms::{self, Form, Formed};
+use session_io::import::{self, table_text_of, text_of};
+use session_io::imported::Source;
 
-use super::super::plan;
-use super::{OutArguments, Source, TableArguments, text_of, write};
+use super::{OutArguments, REVISION, TableArguments, write};
+use crate::output;
+
+/// A file of a fixed form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Fixed {
+    /// Meshes that Klipper saved in printer.cfg: columns X, Y, Z, Mesh.
+    KlipperMesh,
+    /// Log of Klipper's PROBE or PROBE_ACCURACY: columns X, Y, Z, and Time (s) where lines have a clock.
+    KlipperProbe,
+    /// Marlin's Bed Topography Report (G29 T): columns X, Y, Z.
+    MarlinTopography,
+    /// Height map of RepRapFirmware (heightmap.csv of Duet boards): columns X, Y, Z.
+    DuetMesh,
+    /// Log of GRBL with [PRB:...] lines: columns X, Y, Z.
+    GrblProbe,
+    /// Table of characteristics of ZEISS CALYPSO (..._chr.txt): places of features.
+    CalypsoTable,
+    /// Text report of PC-DMIS: places of features.
+    PcdmisReport,
+    /// Measuring logs of HEIDENHAIN touch probe cycles (TCHPR421.TXT): centres.
+    HeidenhainLog,
+    /// Results of Autodesk Fusion's Inspect Surface: touched points.
+    FusionSurface,
+}
+
+impl From<Fixed> for Form {
+    fn from(fixed: Fixed) -> Self {
+        match fixed {
+            Fixed::KlipperMesh => Self::KlipperMesh,
+            Fixed::KlipperProbe => Self::KlipperProbe,
+            Fixed::MarlinTopography => Self::MarlinTopography,
+            Fixed::DuetMesh => Self::DuetMesh,
+            Fixed::GrblProbe => Self::GrblProbe,
+            Fixed::CalypsoTable => Self::CalypsoTable,
+            Fixed::PcdmisReport => Self::PcDmisReport,
+            Fixed::HeidenhainLog => Self::HeidenhainLog,
+            Fixed::FusionSurface => Self::FusionSurface,
+        }
+    }
+}
 
 /// What the user asks for.
 #[derive(clap::Args)]
@@ -25,9 +67,20 @@ probecell import touches log.csv --cell my_cell.toml --columns point=P,axis.X=X,
 pub(crate) struct Arguments {
     /// The table.
     file: PathBuf,
-    /// Columns by role, ROLE=COLUMN,...; COLUMN is a name of the header, or #N for the N-th.
-    #[arg(long, required = true)]
+    /// Columns by role, ROLE=COLUMN,...; COLUMN is a name of the header, #N for the N-th, or a number for all rows (nominal_z=0,k=1).
+    #[arg(
+        long,
+        required_unless_present = "form",
+        default_value = "",
+        hide_default_value = true
+    )]
     columns: String,
+    /// The file is no delimited table, but of this form.
+    #[arg(long, value_enum, conflicts_with_all = ["delimiter", "decimal_comma", "no_header", "lines"])]
+    form: Option<Fixed>,
+    /// The table is a grid: the header has X, the first column Y, and the other cells Z, which are the columns X, Y, Z.
+    #[arg(long, conflicts_with_all = ["form", "no_header"])]
+    grid: bool,
     #[command(flatten)]
     table: TableArguments,
     /// The machine whose axis positions are in the columns axis.NAME; without it, the part frame serves as the machine.
@@ -87,10 +140,30 @@ pub(crate) struct Arguments {
 
 /// Imports.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
+    let (text, assumed) = table_text_of(&arguments.file)?;
+    let of_file = || arguments.file.display().to_string();
+    let layout = arguments.table.layout()?;
+    let formed = match arguments.form {
+        Some(form) => forms::read(&text, form.into()),
+        None => Table::read(&text, layout).map(|table| Formed {
+            table,
+            ..Formed::default()
+        }),
+    };
+    let mut formed = formed.with_context(of_file)?;
+    if arguments.grid {
+        let (table, empty) = formed.table.of_grid(layout).with_context(of_file)?;
+        formed.table = table;
+        if empty > 0 {
+            let remark = format!("{empty} cells of the grid are empty and left out");
+            formed.remarks.push(remark);
+        }
+    }
+    let columns = formed.columns(&arguments.columns).with_context(of_file)?;
     let mut settings = touches::Settings {
-        layout: arguments.table.layout()?,
-        columns: arguments.columns.clone(),
-        units: arguments.table.units()?,
+        layout,
+        columns: columns.clone(),
+        units: formed.units(&arguments.table.units).context("--units")?,
         machine: None,
         ball_radius: nonnegative(arguments.ball_radius_mm, "--ball-radius-mm", "length")?
             .map(|radius| radius * 1e-3),
@@ -108,9 +181,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         settings.features = features::read(&text, settings.layout, &settings.units)
             .with_context(|| file.display().to_string())?;
     }
-    let text = text_of(&arguments.file)?;
-    let imported =
-        touches::read(&text, &settings).with_context(|| arguments.file.display().to_string())?;
+    let mut imported = touches::read_table(&formed.table, &settings).with_context(of_file)?;
+    imported
+        .remarks
+        .extend(formed.remarks.iter().cloned().chain(assumed));
     let analysis = match (&cell, arguments.out.settings()) {
         (_, Some(settings)) => Some(settings),
         (Some(cell), None) => Some(cell.analysis.clone()),
@@ -122,12 +196,22 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         kind: "touches",
         files,
         settings: vec![
-            ("columns", arguments.columns.clone()),
-            ("units", arguments.table.units.clone()),
+            ("columns", columns),
+            ("units", stated(&arguments.table.units, &formed)),
         ],
         cell: cell.as_ref().map(|cell| CellText::clone(cell.text())),
+        revision: REVISION,
     };
     write(&arguments.out.out, &imported, analysis.as_ref(), &source)
+}
+
+/// Units that the user and the file name.
+pub(super) fn stated(said: &str, formed: &Formed) -> String {
+    let said = [said.to_owned()]
+        .into_iter()
+        .filter(|said| !said.is_empty());
+    let all: Vec<String> = said.chain(formed.units.iter().cloned()).collect();
+    all.join(",")
 }
 
 /// Refuses a negative value of an option.
@@ -151,7 +235,8 @@ fn machine(
         .any(|one| one.trim().starts_with("point="));
     if let Some(file) = &arguments.cell {
         let cell = Cell::read(file)?;
-        let (machine, plan) = plan::shown(|progress| import::machine_of_cell(&cell, progress))?;
+        let (machine, plan) =
+            output::with_progress(|progress| import::machine_of_cell(&cell, progress))?;
         settings.machine = Some(machine);
         settings.plan = by_point.then_some(plan);
         return Ok(Some(cell));

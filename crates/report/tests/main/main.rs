@@ -1,0 +1,5 @@
+//! Pages as a reader and another program see them.
+//!
+//! - `kit`: pages are well-formed, stand alone, and are the same every time
+
+mod kit;
