@@ -3,10 +3,10 @@
 
     hall.py PROBECELL LOAD [NUMBER_OF_CELLS...]
 
-LOAD is the example `load` of the crate dashboard, which plays a recorded cell as so many. Run it in a network namespace of its own:
+LOAD is the example `load` of the crate dashboard, which plays a recorded cell as so many. It has a network namespace of its own:
 
     cargo build --release -p probecell -p dashboard --example load --bin probecell
-    unshare -n bash -c 'ip link set lo up; target/venv/bin/python tests/benches/hall.py target/release/probecell target/release/examples/load 10 100 500'
+    target/venv/bin/python tests/benches/hall.py target/release/probecell target/release/examples/load 10 100 500
 
 Processor time is what the processes have used (utime and stime), so that others on the machine matter little; memory is
 resident (Pss for the browser, whose processes share much). A router has 100 cells at the most (CELLS_OF_A_ROUTER): what Zenoh
@@ -21,19 +21,21 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 import urllib.request
 
 from playwright.sync_api import sync_playwright
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "tests"))
+import kit  # noqa: E402
+
 RECORDING = ROOT / "bags" / "samples" / "punch_uncalibrated.mcap"
 ADDRESS = "127.0.0.1:7480"
 CELLS_OF_A_PROCESS = 50
 CELLS_OF_A_ROUTER = int(os.environ.get("CELLS_OF_A_ROUTER", "100"))
 SETTLED, WATCHED, TOUCHED = 5, float(os.environ.get("WATCHED_S", "20")), float(os.environ.get("TOUCHED_S", "60"))  # s
-PATIENCE = 300  # s
+LONGEST = 300  # s
 EVERY = os.environ.get("EVERY", "1")  # of the messages at 100 Hz
 TICKS = os.sysconf("SC_CLK_TCK")
 
@@ -79,14 +81,6 @@ def metric(name):
     with urllib.request.urlopen(f"http://{ADDRESS}/metrics") as answer:
         lines = answer.read().decode().splitlines()
     return sum(float(line.rsplit(" ", 1)[1]) for line in lines if line.startswith((f"{name} ", f"{name}{{")))
-
-
-def until(what, ready):
-    deadline = time.monotonic() + PATIENCE
-    while not ready():
-        if time.monotonic() > deadline:
-            raise TimeoutError(f"{what}: not within {PATIENCE} s")
-        time.sleep(0.2)
 
 
 class Watched:
@@ -151,7 +145,7 @@ def generator(probecell, load, count, folder):
         bus(start, probecell, count)
         loads = cells(start, load, count)
         watched = Watched(cells=[one.pid for one in loads])
-        time.sleep(WATCHED)
+        kit.pause(WATCHED, "what is watched")
         share = watched.shares()["cells"]
         print(f"  the load alone, {count} cells: {100 * share:.1f} % of a processor", flush=True)
         for one in ended(loads):
@@ -165,13 +159,13 @@ def measure(probecell, load, count, chromium, folder):
         dashboard = start(probecell, "dashboard", "--listen", ADDRESS, *connect, "--recordings", folder, **QUIET)
         begun = time.monotonic()
         loads = cells(start, load, count)
-        until("all cells", lambda: metric("probecell_dashboard_cells") == count)
+        kit.until("all cells", lambda: metric("probecell_dashboard_cells") == count, LONGEST)
         found = time.monotonic() - begun
-        time.sleep(SETTLED)
+        kit.pause(SETTLED, "what its start has cost is not counted")
 
         own = {"dashboard": [dashboard.pid], "routers": [one.pid for one in routers], "cells": [one.pid for one in loads]}
         watched, received = Watched(**own), metric("probecell_dashboard_messages_total")
-        time.sleep(WATCHED)
+        kit.pause(WATCHED, "what is watched")
         alone = watched.shares()
         rate = (metric("probecell_dashboard_messages_total") - received) / WATCHED
 
@@ -179,10 +173,10 @@ def measure(probecell, load, count, chromium, folder):
         ending.callback(browser.close)
         hall = browser.new_page(viewport={"width": 1400, "height": 900})
         hall.goto(f"http://{ADDRESS}/")
-        until("all tiles", lambda: hall.locator(".tile").count() == count)
-        time.sleep(SETTLED)
+        kit.until("all tiles", lambda: hall.locator(".tile").count() == count, LONGEST)
+        kit.pause(SETTLED, "what its start has cost is not counted")
         watched = Watched(browser=browsers(), **own)
-        time.sleep(WATCHED)
+        kit.pause(WATCHED, "what is watched")
         followed = watched.shares()
         pages = memory(browsers())
 
@@ -190,7 +184,7 @@ def measure(probecell, load, count, chromium, folder):
         cell.goto(f"http://{ADDRESS}/cell/cell_0")
         cell.evaluate(DELAYS)
         watched = Watched(browser=browsers(), **own)
-        time.sleep(TOUCHED)
+        kit.pause(TOUCHED, "what is watched")
         looked = watched.shares()
         delays = sorted(cell.evaluate("window.delays"))
         at = lambda share: delays[min(len(delays) - 1, int(share * len(delays)))] if delays else float("nan")
@@ -220,7 +214,7 @@ def memory(processes):
     return sum(kib(one, "smaps_rollup", "Pss:") for one in processes) / 1024
 
 
-def main():
+def main(folder):
     probecell, load, *counts = sys.argv[1:]
     probecell, load = pathlib.Path(probecell).resolve(), pathlib.Path(load).resolve()
     print(f"load average {os.getloadavg()[0]:.0f}, {os.cpu_count()} processors")
@@ -228,10 +222,11 @@ def main():
     print("|" + "---|" * 14)
     with sync_playwright() as playwright:
         for count in counts or ["10", "100", "500"]:
-            with tempfile.TemporaryDirectory() as folder:
-                generator(probecell, load, int(count), folder)
-                measure(probecell, load, int(count), playwright.chromium, folder)
+            own = folder / count
+            own.mkdir()
+            generator(probecell, load, int(count), own)
+            measure(probecell, load, int(count), playwright.chromium, own)
     print(f"load average {os.getloadavg()[0]:.0f}")
 
 
-main()
+kit.main({"hall": main})

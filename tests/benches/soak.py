@@ -3,24 +3,24 @@
 
     soak.py PROBECELL SECONDS [FILE]
 
-In a network namespace of its own: unshare -n bash -c 'ip link set lo up; soak.py …'. Every ten seconds a line of the file (soak.jsonl) gets
+In a network namespace of its own. Every ten seconds a line of the file (soak.jsonl) gets
 the memory of each process: Pss_Anon of smaps_rollup, what it has for itself, in KiB. At the end the growth of each process is printed: the
 slope of a line through the second half of its samples (least squares), in KiB an hour, with the parts made and the messages recorded.
 """
 
 import json
-import os
 import pathlib
 import re
-import subprocess
+import signal
 import sys
-import tempfile
-import threading
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "tests"))
+import kit  # noqa: E402
+
 PERIOD = 10.0  # s
-PATIENCE = 300.0  # s for a part
+LONGEST = 300.0  # s, of a part
 
 
 def memory(process):
@@ -46,45 +46,28 @@ def slope(samples):
     return 3600 * sum((at - mean[0]) * (value - mean[1]) for at, value in samples) / spread if spread else 0.0
 
 
-def main():
-    seconds, file = float(sys.argv[2]), sys.argv[3] if len(sys.argv) > 3 else "soak.jsonl"
-    samples, parts = {}, 0
-    with tempfile.TemporaryDirectory(prefix="soak_") as scratch, open(file, "w") as out:
-        folder = pathlib.Path(scratch)
-        for name in ("turn_mill.toml", "turn_mill.urdf"):
-            (folder / name).write_text((ROOT / "launch-scripts" / name).read_text())
-        environment = os.environ | {"XDG_CONFIG_HOME": str(folder / "config"), "XDG_STATE_HOME": str(folder / "state")}
-        up = subprocess.Popen(
-            [BINARY, "up", "turn_mill.toml"], cwd=folder, env=environment, text=True, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=open(f"{file}.errors", "w"),
-        )
-        ended = threading.Semaphore(0)
-        verdicts = []
-
-        def read():
-            for line in up.stdout:
-                if re.match(r"part \S+: ", line):
-                    verdicts.append(line.split(": ", 1)[1].split(",")[0].split(":")[0].strip())
-                    ended.release()
-                elif "is ready" in line:
-                    ended.release()
-
-        threading.Thread(target=read, daemon=True).start()
-        assert ended.acquire(timeout=60), "the cell did not get ready"
+def main(folder):
+    seconds, file = float(sys.argv[2]), pathlib.Path(sys.argv[3] if len(sys.argv) > 3 else "soak.jsonl")
+    samples, verdicts, refused, parts = {}, [], [], 0
+    for name in ("turn_mill.toml", "turn_mill.urdf"):
+        (folder / name).write_text((ROOT / "launch-scripts" / name).read_text())
+    with kit.Process(BINARY, "up", "turn_mill.toml", folder=folder, apart=True) as up, open(file, "w") as out:
+        up.says("is ready")
         begun = last = time.monotonic()
-        asked, refused = False, []
+        asked = None  # the deadline of the part that is made
         while time.monotonic() - begun < seconds:
-            if not asked:
-                told = subprocess.run(
-                    [BINARY, "run", f"part_{parts}", "--cell", "turn_mill.toml"], cwd=folder, env=environment, capture_output=True, text=True,
-                )
-                if told.returncode == 0:
-                    asked, since = True, time.monotonic()
+            if asked is None:
+                code, _, errors = kit.run(BINARY, "run", f"part_{parts}", "--cell", "turn_mill.toml", folder=folder)
+                if code == 0:
+                    asked = kit.Deadline(LONGEST)
                 else:  # counted, and the part is asked for again in the next round
-                    refused.append(told.stderr.strip())
-            if ended.acquire(timeout=PERIOD / 10):
-                asked, parts = False, parts + 1
-            assert not asked or time.monotonic() - since < PATIENCE, "a part does not end"
+                    refused.append(errors.strip())
+            kit.happened.wait(None, PERIOD / 10)
+            ended = [line for line in up.lines if re.match(r"part \S+: ", line)]
+            if len(ended) > parts:
+                asked, parts = None, len(ended)
+            if asked and asked.has_passed():
+                raise kit.late("the end of a part", asked)
             if time.monotonic() - last >= PERIOD:
                 last = time.monotonic()
                 now = {name: memory(process) for name, process in processes(up).items()}
@@ -92,17 +75,18 @@ def main():
                     samples.setdefault(name, []).append((last - begun, value))
                 out.write(json.dumps({"s": round(last - begun), "parts": parts, **now}) + "\n")
                 out.flush()
-        up.send_signal(2)
-        up.wait(60)
-        topics, damages = {}, 0
-        bags = sorted((folder / "recordings").iterdir())  # the recorder goes on in a new file after an hour
-        for bag in bags:
-            info = json.loads(subprocess.run([BINARY, "info", bag, "--json"], cwd=folder, check=True, capture_output=True, text=True).stdout)
-            damages += len(info["damage"])
-            for topic in info["topics"]:
-                topics[topic["topic"]] = topics.get(topic["topic"], 0) + topic["messages"]
+        up.end(signal.SIGINT)
+        verdicts = [line.split(": ", 1)[1].split(",")[0].split(":")[0].strip() for line in up.lines if re.match(r"part \S+: ", line)]
+    file.with_suffix(".errors").write_text(up.errors)
+    topics, damages = {}, 0
+    bags = sorted((folder / "recordings").iterdir())  # the recorder goes on in a new file after an hour
+    for bag in bags:
+        info = json.loads(kit.run(BINARY, "info", bag, "--json", folder=folder)[1])
+        damages += len(info["damage"])
+        for topic in info["topics"]:
+            topics[topic["topic"]] = topics.get(topic["topic"], 0) + topic["messages"]
     most = max(topics, key=topics.get)
-    print(f"{seconds:.0f} s, {parts} parts ({', '.join(f'{verdicts.count(one)} {one}' for one in sorted(set(verdicts)))}), status {up.returncode}")
+    print(f"{seconds:.0f} s, {parts} parts ({', '.join(f'{verdicts.count(one)} {one}' for one in sorted(set(verdicts)))}), status {up.code}")
     print(f"{len(refused)} requests refused", *sorted(set(refused)), sep="; ")
     print(f"{sum(topics.values())} messages recorded in {len(bags)} files, most on {most}: {topics[most]}; {damages} damages")
     for name, own in samples.items():
@@ -115,4 +99,4 @@ if __name__ == "__main__":
     if len(sys.argv) < 3:
         raise SystemExit(__doc__)
     BINARY = str(pathlib.Path(sys.argv[1]).resolve())
-    main()
+    kit.main({"soak": main})

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""The book (docs/SUMMARY.md): every link leads somewhere, every command runs and prints what the page shows, every configuration is
-taken by the program.
+"""The book (docs/SUMMARY.md): every link leads somewhere, also of README and the pages beside it, every command runs and prints what the page
+shows, every configuration is taken by the program.
 
     check.py PROBECELL [WORD]      WORD: only pages whose path contains it
 
-Runs in a network namespace of its own, since pages start cells. Each page has a folder of its own, with launch-scripts, templates
-and bags of the project in it, in which its blocks are carried out in order:
+Each page has a network namespace, keys and a folder of its own, with launch-scripts, templates, bags and msgs of the project in it, in which
+its blocks are carried out in order:
 
     ```console               `$ COMMAND` and what it prints. `…` stands for any text, on a line of its own for any lines. A command that
                              ends with ` &` goes on while the following run; the next one waits until it has printed each shown line.
@@ -19,23 +19,24 @@ Other languages are neither; a block that holds a line `probecell …` and is no
 
 import os
 import pathlib
-import queue
 import re
 import shutil
-import signal
-import subprocess
 import sys
-import tempfile
-import threading
 import tomllib
 
 import tomli_w
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "tests"))
+import kit  # noqa: E402
+
 DOCS = ROOT / "docs"
 PROGRAM = pathlib.Path(sys.argv[1]).resolve()
 LONGEST = 300  # s, of one command
-SHOWN = ("launch-scripts", "templates", "bags")
+MAX_PAGE_LINES = 150  # a longer page is split by subject
+COUNTS = "counts.txt"  # in the folder of a page
+SHOWN = ("launch-scripts", "templates", "bags", "msgs")
+BESIDE = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "neighbours/python/README.md"]
 
 
 def pages():
@@ -75,24 +76,33 @@ def anchors(path):
     return found
 
 
+def links(page):
+    """Links of a page to files: as written, with the file and the anchor that they lead to."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    for target in re.findall(r"\]\(([^)\s]+)\)", re.sub(r"`[^`\n]*`", "", text)):
+        if re.match(r"[a-z]+:", target):
+            continue
+        name, _, anchor = target.partition("#")
+        to = (page.parent / name).resolve() if name else page
+        assert to.exists(), f"{page}: {target} leads nowhere"
+        assert not anchor or anchor in anchors(to), f"{page}: {target}: there is no such heading"
+        yield target, to
+
+
 def check_links(book):
     known, count = set(book), 0
     for page in book:
         assert page.is_file(), f"SUMMARY.md names {page}, which is not there"
-        text = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
-        for target in re.findall(r"\]\(([^)\s]+)\)", re.sub(r"`[^`\n]*`", "", text)):
-            if re.match(r"[a-z]+:", target):
-                continue
-            name, _, anchor = target.partition("#")
-            to = (page.parent / name).resolve() if name else page
-            assert to.exists(), f"{page}: {target} leads nowhere"
+        lines = page.read_text().count("\n")
+        assert lines <= MAX_PAGE_LINES, f"{page} has {lines} lines: split it by subject"
+        for target, to in links(page):
             assert DOCS in to.parents, f"{page}: {target} leads out of the book"
             assert to.suffix != ".md" or to in known, f"{page}: {target} is not in SUMMARY.md"
-            assert not anchor or anchor in anchors(to), f"{page}: {target}: there is no such heading"
             count += 1
+    count += sum(1 for name in BESIDE for _ in links(ROOT / name))
     for path in DOCS.rglob("*.md"):
         assert path in known or path.name == "SUMMARY.md", f"{path} is not in SUMMARY.md"
-    print(f"good    {len(book)} pages, {count} links", flush=True)
+    print(f"good    {len(book)} pages, {len(BESIDE)} beside them, {count} links", flush=True)
 
 
 # -- commands ------------------------------------------------------------------------------------------------------------------------
@@ -130,36 +140,21 @@ class Background:
 
     def __init__(self, command, folder, environment):
         self.command = command
-        self.process = subprocess.Popen(
-            ["bash", "-c", f"exec {command}"], cwd=folder, env=environment, stdin=subprocess.DEVNULL, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        )
-        self.lines, self.text = queue.Queue(), ""
-        threading.Thread(target=self.read, daemon=True).start()
-
-    def read(self):
-        for line in self.process.stdout:
-            self.lines.put(line)
-        self.lines.put(None)
+        self.process = kit.Process("bash", "-c", f"exec {command}", folder=folder, environment=environment)
 
     def says(self, shown):
-        """Reads on until all shown lines have come, in whatever order: processes of a cell speak as they are scheduled."""
+        """Waits until all shown lines have come, in whatever order: processes of a cell speak as they are scheduled."""
         for line in shown:
             if line.strip() == "…":
                 continue
             pattern = re.compile("^" + as_pattern([line]), re.MULTILINE)
-            while not pattern.search(self.text):
-                try:
-                    came = self.lines.get(timeout=LONGEST)
-                except queue.Empty:
-                    came = None
-                assert came is not None, f"{self.command} has ended, or has said nothing for {LONGEST} s, without {line!r}:\n{self.text}"
-                self.text += came
 
-    def end(self):
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGTERM)
-        self.process.wait(LONGEST)
+            def found(pattern=pattern):
+                is_silent = self.process.is_silent()
+                return pattern.search(self.process.output) or is_silent
+
+            kit.until(f"{line!r} of {self.command}", found, LONGEST)
+            assert pattern.search(self.process.output), f"{self.command} has ended without {line!r}:\n{self.process.output}"
 
 
 def search_path():
@@ -168,53 +163,55 @@ def search_path():
     return ":".join([*map(str, places), os.environ["PATH"]])
 
 
-def run_page(page, folder):
-    """Carries out the blocks of a page; gives the numbers of commands and configurations."""
+def run_page(folder, page):
+    """Carries out the blocks of a page, and leaves the numbers of commands and configurations."""
     for name in SHOWN:
         (folder / name).symlink_to(ROOT / name)
     environment = os.environ | {
         "PATH": search_path(),
-        "XDG_CONFIG_HOME": str(folder / "config"),
         "HOME": str(folder),
         "USER": os.environ.get("USER", "operator"),
     }
     running, counts = [], [0, 0]
-    try:
-        for language, attributes, content, line in blocks(included(page)):
-            place = f"{page.relative_to(ROOT)}:{line}"
-            if "terminal" in attributes:
-                (one,) = [one for one in running if attributes["terminal"] in one.command]
-                one.says(content.splitlines())
-            elif language == "console":
-                for command, shown in commands(content):
-                    run(command, shown, place, folder, environment, running)
-                    counts[0] += 1
-            elif "file" in attributes:
-                (folder / attributes["file"]).write_text(content)
-                if language == "toml":
-                    load(folder / attributes["file"], place, environment)
-                    counts[1] += 1
-            elif language == "toml":
-                load(merged(content, attributes.get("into", "turn_mill.toml"), folder), place, environment)
+    for language, attributes, content, line in blocks(included(page)):
+        place = f"{page.relative_to(ROOT)}:{line}"
+        if "terminal" in attributes:
+            (one,) = [one for one in running if attributes["terminal"] in one.command]
+            one.says(content.splitlines())
+        elif language == "console":
+            for command, shown in commands(content):
+                run(command, shown, place, folder, environment, running)
+                counts[0] += 1
+        elif "file" in attributes:
+            (folder / attributes["file"]).write_text(content)
+            if language == "toml":
+                load(folder / attributes["file"], place, environment)
                 counts[1] += 1
-            else:
-                loose = [line for line in content.splitlines() if re.match(r"(\$ )?probecell ", line)]
-                assert not loose, f"{place}: no test runs {loose[0]!r}: make the block `console`"
-    finally:
-        for one in reversed(running):
-            one.end()
-    return counts
+        elif language == "toml":
+            load(merged(content, attributes.get("into", "turn_mill.toml"), folder), place, environment)
+            counts[1] += 1
+        else:
+            loose = [line for line in content.splitlines() if re.match(r"(\$ )?probecell ", line)]
+            assert not loose, f"{place}: no test runs {loose[0]!r}: make the block `console`"
+    for one in reversed(running):
+        one.process.end(seconds=LONGEST)
+    (folder / COUNTS).write_text(" ".join(map(str, counts)))
 
 
 def run(command, shown, place, folder, environment, running):
     if command.endswith(" &"):
         running.append(Background(command[:-2], folder, environment))
         return running[-1].says(shown)
-    done = subprocess.run(["bash", "-c", command], cwd=folder, env=environment, stdin=subprocess.DEVNULL, text=True,
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=LONGEST)
-    assert done.returncode == 0, f"{place}: {command} ended with status {done.returncode}:\n{done.stdout}"
-    if shown and not re.fullmatch(as_pattern(shown) + r"\s*", done.stdout if done.stdout.endswith("\n") else done.stdout + "\n"):
-        raise AssertionError(f"{place}: {command}\n--- the page shows\n" + "\n".join(shown) + f"\n--- it prints\n{done.stdout}")
+    code, printed = finished("bash", "-c", command, folder=folder, environment=environment)
+    assert code == 0, f"{place}: {command} ended with status {code}:\n{printed}"
+    if shown and not re.fullmatch(as_pattern(shown) + r"\s*", printed if printed.endswith("\n") else printed + "\n"):
+        raise AssertionError(f"{place}: {command}\n--- the page shows\n" + "\n".join(shown) + f"\n--- it prints\n{printed}")
+
+
+def finished(*words, folder, environment):
+    """Status of a command, and its output with its errors in it."""
+    code, printed, _ = kit.Process(*words, folder=folder, environment=environment).ended(LONGEST)
+    return code, printed
 
 
 # -- configurations ------------------------------------------------------------------------------------------------------------------
@@ -243,9 +240,8 @@ def merged(fragment, into, folder):
 
 def load(path, place, environment):
     """The program takes a cell file."""
-    done = subprocess.run([PROGRAM, "doctor", path.name], cwd=path.parent, env=environment, text=True, timeout=LONGEST,
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    assert re.search(r"^good +cell file:", done.stdout, re.MULTILINE), f"{place}: the program refuses it:\n{done.stdout}"
+    _, printed = finished(PROGRAM, "doctor", path.name, folder=path.parent, environment=environment)
+    assert re.search(r"^good +cell file:", printed, re.MULTILINE), f"{place}: the program refuses it:\n{printed}"
 
 
 def main():
@@ -261,8 +257,10 @@ def main():
         if asks_lake and not shutil.which("probecell-fleet", path=search_path()):
             print(f"skipped: {page.relative_to(DOCS)}, which runs probecell-fleet: .ci/run fleet builds it and runs the page")
             continue
-        with tempfile.TemporaryDirectory() as folder:
-            counts = run_page(page, pathlib.Path(folder))
+        with kit.new_folder() as folder:
+            if not kit.apart(run_page, pathlib.Path(folder), page):
+                raise SystemExit(f"FAILED: {page.relative_to(DOCS)}")
+            counts = [int(one) for one in (pathlib.Path(folder) / COUNTS).read_text().split()]
         if any(counts):
             print(f"good    {page.relative_to(DOCS)}: {counts[0]} commands, {counts[1]} configurations", flush=True)
         totals = [a + b for a, b in zip(totals, counts)]

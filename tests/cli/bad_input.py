@@ -5,8 +5,8 @@
 
 Exit status asked of each case: 2 bad input, 3 finished with loss, 1 something else failed (a bus, a port), 0 good. With
 status 1 and 2 standard output is empty and standard error holds one line, `probecell: ...`; with 0 and 3 it holds
-warnings only. The bags are made here (session.py); a few cases use one of ../shared and are skipped without it. The
-libraries come from PyPI into target/venv.
+warnings only. The bags are made here (tests/kit/session.py); a few cases use one of ../shared and are skipped without it. Keys and
+sockets of each case are its own.
 """
 
 import collections
@@ -24,32 +24,21 @@ import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 import time
-import venv
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 TRIAL = ROOT.parent / "shared" / "trials" / "dev" / "21_punch.mcap"
-PATIENCE = 60  # s, for what is no running cell
-LIVE_PATIENCE = 60  # s
+SOON = 60  # s
 SLOW = 15  # s, worth a line
 LONGEST_SENTENCE = 400  # characters
 NOBODY = 65534
 
-try:
-    from mcap.writer import CompressionType
-    from session import START, Session, header
-except ModuleNotFoundError as missing:
-    if os.environ.get("PROBECELL_VENV"):
-        raise SystemExit(f"the virtual environment lacks {missing.name}") from missing
-    folder = ROOT / "target" / "venv"
-    if not (folder / "bin" / "python").exists():
-        venv.create(folder, with_pip=True)
-    python = folder / "bin" / "python"
-    subprocess.run([python, "-m", "pip", "install", "--quiet", "mcap", "mcap-ros2-support"], check=True)
-    os.execve(python, [str(python), *sys.argv], os.environ | {"PROBECELL_VENV": str(folder)})
+sys.path.append(str(ROOT / "tests"))
+import kit  # noqa: E402
+from kit.session import START, Session, header  # noqa: E402
+from mcap.writer import CompressionType  # noqa: E402
 
 CASES = []
 
@@ -75,7 +64,7 @@ class Skip(Exception):
 
 # ---------------------------------------------------------------------------------------------------------- files
 
-READERS = ("info {}", "diagnose {}", "plan {}", "replay {}", "recover {} saved", "play {}")
+READERS = ("info {}", "diagnose {}", "plan {}", "replay {}", "recover {} saved", "play {}", "stream --bag {} probe_events")
 
 
 def of_readers(status, says=None, commands=READERS):
@@ -124,7 +113,7 @@ def endless_device(_):
     return "/dev/zero"
 
 
-@of_readers(2, "regular|pipe|not an MCAP|neither a file", ("info {}", "diagnose {}"))
+@of_readers(2, "regular|pipe|not an MCAP|neither a file", ("info {}", "diagnose {}", "stream --bag {} probe_events"))
 def pipe_without_writer(folder):
     os.mkfifo(folder / "bag.mcap")
     return folder / "bag.mcap"
@@ -555,6 +544,7 @@ def no_events(session):
 
 
 @broken("diagnose {}", 2, "no cell")
+@broken("stream --bag {} probe_events", 2, "no inspection plan")
 def no_topic_of_a_cell(session):
     session.without("robot_description", "probe_events", "joint_states", "inspection_plan")
 
@@ -590,6 +580,7 @@ def two_machine_models(session):
 
 
 @case("diagnose {}", 2, "several cells")
+@case("stream --bag {} probe_events", 2, "several cells")
 def two_cells(folder):
     (folder / "bag").mkdir()
     Session().write(folder / "bag" / "one.mcap")
@@ -849,13 +840,16 @@ def drive_of_an_axis_that_the_machine_lacks(session):
 @case("play {} --namespace //", 2, "namespace|name")
 @case("play {} --router nonsense", 2, "nonsense")
 @case("plan {} --jason", 2)
+@case("stream --bag {}", 2, "TOPIC")
+@case("stream --bag {} probe_event", 2, "^probecell: probe_event is not a topic of a cell")
+@case("stream --bag {} --cell {} probe_events", 2, "cannot be used with")
 def wrong_option(folder):
     return Session().write(folder / "bag.mcap")
 
 
 # ------------------------------------------------------------------------------------------------------ cell files
 
-OF_CELL = ("plan {}", "up {} --once --no-record", "node cycle --cell {}", "record --cell {}")
+OF_CELL = ("plan {}", "up {} --once --no-record", "node cycle --cell {}", "record --cell {}", "stream --cell {} verdicts")
 
 
 def cell(folder, change=lambda text: text, urdf=lambda text: text):
@@ -863,9 +857,8 @@ def cell(folder, change=lambda text: text, urdf=lambda text: text):
     text = (ROOT / "launch-scripts" / "turn_mill.toml").read_text()
     changed = change(text)
     if isinstance(changed, str):
-        # Never the port at which another cell of this computer may run.
-        with nobody() as port:
-            changed = changed.replace("tcp/127.0.0.1:7447", f"tcp/127.0.0.1:{port}")
+        # Never the port at which the cell of another case runs.
+        changed = changed.replace("tcp/127.0.0.1:7447", f"tcp/127.0.0.1:{kit.free_port()}")
     description = (ROOT / "launch-scripts" / "turn_mill.urdf").read_text()
     if urdf is not None:
         touch(folder / "turn_mill.urdf", urdf(description).encode())
@@ -878,6 +871,12 @@ def replaced(old, new):
         return text.replace(old, new, 1)
 
     return change
+
+
+def signal_of(source, address, kind, more=""):
+    """A clamping that a controller beside the machine holds there."""
+    section = f'\n[[signals]]\nname = "chuck"\nrole = "clamping_closed"\nsource = "{source}"\naddress = "{address}"\ntype = "{kind}"\n{more}\n'
+    return lambda text: text + section
 
 
 CELLS = {
@@ -920,6 +919,12 @@ CELLS = {
     "flush_and_kept_of_no_size": (replaced("flush_interval_s = 0.5", "flush_interval_s = 0.5\nkeep_gib = nan"), "keep_gib"),
     "endpoint_that_is_none": (replaced("tcp/127.0.0.1:7447", "nonsense"), "nonsense"),
     "port_that_is_none": (replaced("tcp/127.0.0.1:7447", "tcp/127.0.0.1:99999"), "99999"),
+    "signal_of_no_protocol": (signal_of("opc://127.0.0.1", "x", "bool"), '"chuck".*opc.* is no protocol of a controller; there are modbus, s7, ads'),
+    "signal_of_no_source": (signal_of("s7://127.0.0.1", "DB1.DBX0.3", "bool"), '"chuck".*must be of the form "s7://'),
+    "signal_of_no_address": (signal_of("modbus://127.0.0.1/1", "coil:70000", "bool"), '"chuck".*is no address of Modbus'),
+    "signal_of_another_type": (signal_of("s7://127.0.0.1/0/1", "DB1.DBD4", "bool"), '"chuck".*is no bit: its type is not bool'),
+    "signal_of_no_symbol": (signal_of("ads://127.0.0.1/127.0.0.1.1.1:851", "MAIN clamped", "bool"), '"chuck".*is no name of a symbol'),
+    "signal_of_no_period": (signal_of("s7://127.0.0.1/0/1", "M4.1", "bool", "period_s = 0.0"), "period_s = 0 must lie between"),
     "description_that_is_not_there": (replaced('"turn_mill.urdf"', '"other.urdf"'), "other.urdf"),
     "description_that_is_a_folder": (replaced('"turn_mill.urdf"', '"."'), "irectory"),
 }
@@ -1045,7 +1050,7 @@ def tool_that_the_machine_lacks(folder):
 
 
 @contextlib.contextmanager
-def garbage_server():
+def garbage_server(_environment):
     """A server that answers everything with bytes of no protocol."""
     listener = socket.create_server(("127.0.0.1", 0))
     ended = threading.Event()
@@ -1073,18 +1078,16 @@ def garbage_server():
 
 
 @contextlib.contextmanager
-def silent_server():
+def silent_server(_environment):
     """A server that accepts and says nothing."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         yield listener.getsockname()[1]
 
 
 @contextlib.contextmanager
-def nobody():
+def nobody(_environment):
     """A port at which nobody listens."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-    yield port
+    yield kit.free_port()
 
 
 for server in (garbage_server, silent_server):
@@ -1119,43 +1122,30 @@ def play_to_nobody(folder, _):
 
 
 @contextlib.contextmanager
-def router():
+def router(environment):
     """Our own router, as another cell has it."""
-    with nobody() as port:
-        process = subprocess.Popen([BINARY, "router", "--listen", f"tcp/127.0.0.1:{port}"], stdout=subprocess.DEVNULL)
-    try:
-        wait_for_port(port)
+    port = kit.free_port()
+    with kit.Process(BINARY, "router", "--listen", f"tcp/127.0.0.1:{port}", environment=environment) as process:
+        process.says("listens on")
         yield port
-    finally:
-        process.terminate()
-        process.wait(timeout=PATIENCE)
 
 
-def wait_for_port(port):
-    deadline = time.monotonic() + PATIENCE
-    while time.monotonic() < deadline:
-        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
-            return
-        time.sleep(0.02)
-    raise TimeoutError(f"nobody listens at port {port}")
-
-
-@case("up {} --no-record", 0, warns="this cell uses it", server=router, interrupt_after=6)
+@case("up {} --no-record", 0, warns="this cell uses it", server=router, interrupt="is ready")
 @case("doctor {}", 0, server=router)
 def a_router_is_there_already(folder, port):
     return cell(folder, replaced("127.0.0.1:7447", f"127.0.0.1:{port}"))
 
 
-@case("play {} --router tcp/127.0.0.1:{port} --rate 1e-300", (0, 2), server=router, interrupt_after=2)
-@case("play {} --router tcp/127.0.0.1:{port} --start-s 1e300", 2, "after the end", server=router, interrupt_after=2)
-@case("play {} --router tcp/127.0.0.1:{port} --start-s nan", 2, "start", server=router, interrupt_after=2)
-@case("play {} --router tcp/127.0.0.1:{port} --namespace //", 2, "name", server=router, interrupt_after=2)
-@case("play {} --router tcp/127.0.0.1:{port} --wait-for /nothing", 2, "/nothing", server=router, interrupt_after=2)
+@case("play {} --router tcp/127.0.0.1:{port} --rate 1e-300", 2, "must lie between", server=router)
+@case("play {} --router tcp/127.0.0.1:{port} --start-s 1e300", 2, "after the end", server=router)
+@case("play {} --router tcp/127.0.0.1:{port} --start-s nan", 2, "start", server=router)
+@case("play {} --router tcp/127.0.0.1:{port} --namespace //", 2, "name", server=router)
+@case("play {} --router tcp/127.0.0.1:{port} --wait-for /nothing", 2, "/nothing", server=router)
 def playing(folder, _):
     return Session().write(folder / "bag.mcap")
 
 
-@case("play {} --router tcp/127.0.0.1:{port} --rate 1000", 3, warns="cut off", server=router, interrupt_after=8)
+@case("play {} --router tcp/127.0.0.1:{port} --rate 1000", 3, warns="cut off", server=router)
 def playing_a_cut_bag(folder, _):
     return cut(plain(folder), 0.9)
 
@@ -1167,7 +1157,7 @@ for word in ("nan", "-1.0", "0.0", "1e300"):
         return cell(folder, lambda text: replaced("flush_interval_s = 0.5", settings)(text).replace(":7447", f":{port}"))
 
     recording.__name__ = f"recording_with_times_of_{word}"
-    case("record --cell {} --folder saved", 2, "flush_interval", server=router, interrupt_after=2)(recording)
+    case("record --cell {} --folder saved", 2, "flush_interval", server=router)(recording)
 
 
 @case("router --listen tcp/127.0.0.1:{port}", 1, "127.0.0.1", server=router)
@@ -1197,32 +1187,26 @@ def trial(folder):
     return folder / "bag.mcap"
 
 
-def execute(words, folder, as_nobody, patience, interrupt_after=None):
+def execute(words, folder, environment, as_nobody, interrupt=None):
     """Status, output, errors; a process that hangs is ended with its children, and has no status.
 
-    `interrupt_after`: s, after which a command that runs until it is told to end is told so.
+    `interrupt`: what a command prints that runs until it is told to end, and is told so then.
     """
     options = {"user": NOBODY, "group": NOBODY} if as_nobody else {}
-    process = subprocess.Popen(
+    process = kit.Process(
         # An input of a megabyte is no reason to take more than 8 GiB of addresses.
-        ["sh", "-c", 'ulimit -v 8388608; exec "$@"', "sh", BINARY, *words],
-        cwd=folder,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-        env=os.environ | {"RUST_LOG": "warn,zenoh=error,rustdds=error"},
-        **options,
+        "sh", "-c", 'ulimit -v 8388608; exec "$@"', "sh", BINARY, *words, folder=folder, apart=True, start_new_session=True,
+        environment=environment | {"RUST_LOG": "warn,zenoh=error,rustdds=error"}, **options,
     )
-    if interrupt_after is not None:
-        threading.Timer(interrupt_after, process.send_signal, [signal.SIGINT]).start()
     try:
-        output, errors = process.communicate(timeout=patience)
-        return process.returncode, output.decode(errors="replace"), errors.decode(errors="replace")
-    except subprocess.TimeoutExpired:
+        if interrupt is not None:
+            kit.until(interrupt, lambda: process.has_said(interrupt) or process.code is not None, SOON)
+            if process.code is None:
+                process.send(signal.SIGINT)
+        return process.ended(SOON)
+    except kit.Late:
         os.killpg(process.pid, signal.SIGKILL)
-        output, errors = process.communicate()
-        return None, output.decode(errors="replace"), errors.decode(errors="replace")
+        return None, process.output, process.errors
 
 
 def complaints(words, result, statuses, says, warns, quiet=False, **_):
@@ -1281,9 +1265,10 @@ def run(entry):
     """Complaints about one case, and what was run."""
     name, make, command, statuses, says, warns, options = entry
     server = options.get("server")
-    with tempfile.TemporaryDirectory(prefix="probecell_cli_") as text, contextlib.ExitStack() as stack:
+    with kit.new_folder() as text, kit.new_folder() as own, contextlib.ExitStack() as stack:
         folder = pathlib.Path(text)
-        port = stack.enter_context(server()) if server else None
+        environment = os.environ | {"XDG_CONFIG_HOME": f"{own}/config", "XDG_STATE_HOME": f"{own}/state"}
+        port = stack.enter_context(server(environment)) if server else None
         made = str(make(folder, port) if server else make(folder))
         words = [word.replace("{port}", str(port)).replace("{}", made) for word in command.split()]
         as_nobody = make is unreadable_file and os.geteuid() == 0
@@ -1291,8 +1276,7 @@ def run(entry):
             folder.chmod(0o777)
             if subprocess.run(["test", "-x", BINARY], user=NOBODY, check=False).returncode:
                 raise Skip("the user nobody cannot run the binary")
-        patience = LIVE_PATIENCE if server else PATIENCE
-        result = execute(words, folder, as_nobody, patience, options.get("interrupt_after"))
+        result = execute(words, folder, environment, as_nobody, options.get("interrupt"))
         return list(complaints(words, result, statuses, says, warns, **options)), words, result
 
 
@@ -1312,7 +1296,7 @@ def attempt(entry):
     return "failed", told
 
 
-def main():
+def main(_):
     wanted = sys.argv[2] if len(sys.argv) > 2 else ""
     begun, count = time.monotonic(), collections.Counter()
     chosen = [entry for entry in CASES if wanted in entry[0]]
@@ -1324,11 +1308,11 @@ def main():
                 print(line, flush=True)
     seconds = time.monotonic() - begun
     print(f"{len(chosen)} cases, {count['failed']} failed, {count['skipped']} skipped, {seconds:.0f} s")
-    return 1 if count["failed"] else 0
+    assert not count["failed"]
 
 
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         raise SystemExit(__doc__)
     BINARY = str(pathlib.Path(sys.argv[1]).resolve())
-    raise SystemExit(main())
+    kit.main({"bad input": main})

@@ -12,9 +12,10 @@ import json
 import math
 import pathlib
 import re
-import subprocess
 import sys
-import tempfile
+
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[1]))
+import kit  # noqa: E402
 
 NAMES = ["C-shaft", "C-slip", "D-blind", "E-twist"]
 VOID = {"meta"}
@@ -84,13 +85,13 @@ def check(name, text, row):
 
 
 def run(probecell, *arguments):
-    done = subprocess.run([probecell, "scenario", "run", *arguments], capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)["scenarios"]
+    code, output, errors = kit.run(probecell, "scenario", "run", *arguments, seconds=300)
+    assert code == 0, errors
+    return json.loads(output)["scenarios"]
 
 
 def main(probecell):
-    with tempfile.TemporaryDirectory() as folder:
+    with kit.new_folder() as folder:
         folder = pathlib.Path(folder)
         rows = run(probecell, *NAMES, "--json", "--html", str(folder / "pages"))
         assert [row["name"] for row in rows] == NAMES
@@ -102,4 +103,4 @@ def main(probecell):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    raise SystemExit(not kit.guarded(main, sys.argv[1]))

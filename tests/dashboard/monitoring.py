@@ -5,7 +5,7 @@ import re
 
 import promql_parser
 import yaml
-from kit import ROOT
+from pages import ROOT
 from prometheus_client.parser import text_string_to_metric_families
 
 FOLDER = ROOT / "launch-scripts" / "monitoring"

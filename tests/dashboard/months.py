@@ -14,15 +14,14 @@ import os
 import pathlib
 import re
 import shutil
-import subprocess
-import tempfile
 import time
 
-from kit import ADDRESS, BINARY, ROOT, Browser, Process, asked
 from mcap.reader import make_reader
 from mcap.writer import Writer
-from mcap_ros2.decoder import DecoderFactory
+from pages import ADDRESS, ROOT, Browser, asked, kit, started
 from playwright.sync_api import sync_playwright
+
+from kit.recordings import decoded
 
 MAKE_PART = ROOT / "target" / "release" / "examples" / "make_part"
 WEEKS, COLLISION, ADOPTED = (16, 6, 10) if os.environ.get("MONTHS") == "4" else (6, 2, 4)
@@ -49,8 +48,7 @@ def later(source, target, shift):
 
 
 def messages(bag, topic):
-    with open(bag, "rb") as file:
-        return [message for *_, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(topics=[f"/turn_mill/{topic}"])]
+    return [message for _, _, message in decoded(bag, [f"/turn_mill/{topic}"])]
 
 
 def shown(micrometres):
@@ -71,7 +69,8 @@ def make(folder, made):
         text = re.sub(r"center_error_um = \[[-0-9.]+,", f"center_error_um = [{OFFSETS[week >= COLLISION]},", cell.read_text(), count=1)
         cell.write_text(re.sub(r"seed = \d+\n", f"seed = {week + 1}\n", text, count=1))
         raw = folder / "raw.mcap"
-        subprocess.run([MAKE_PART, cell, "punch", raw], check=True)
+        code, _, errors = kit.run(MAKE_PART, cell, "punch", raw)
+        assert code == 0, errors
         later(raw, made / f"week_{week + 1:02}.mcap", week * WEEK)
         if week + 1 == ADOPTED:
             status, report = asked("diagnose", raw, "--json", folder=folder)
@@ -145,15 +144,14 @@ def compare(page, bags):
     print(f"sizes of each day, gaps and offsets are those of the recordings; those of {sum(map(bool, doubted))} weeks are marked as contradicted by the reference")
 
 
-def main():
-    with tempfile.TemporaryDirectory() as work, sync_playwright() as playwright:
-        folder = pathlib.Path(work)
+def main(folder):
+    with sync_playwright() as playwright:
         made = pathlib.Path(os.environ.get("RECORDINGS", folder / "made"))
         if not made.exists():
             begun = time.monotonic()
             make(folder, made)
             print(f"{WEEKS} recordings in {time.monotonic() - begun:.0f} s")
-        server = Process("dashboard", "--recordings", made, folder=folder)
+        server = started("dashboard", "--recordings", made, folder=folder)
         server.says("dashboard: http://")
         chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"] if os.getuid() == 0 else [])
         browser = Browser(chromium)
@@ -165,4 +163,4 @@ def main():
         chromium.close()
 
 
-main()
+kit.main({"months": main})

@@ -1,16 +1,13 @@
 """The topics as Foxglove and Lichtblick read them: their client in Node beside a cell, compared with the recording of the cell."""
 
-import atexit
 import hashlib
 import http.client
 import json
 import pathlib
-import subprocess
-import sys
-import threading
 
-from kit import ADDRESS, ROOT, until
-from mcap.reader import make_reader
+from pages import ADDRESS, ROOT, kit
+
+from kit.recordings import raw
 
 MODULES = ROOT / "target" / "npm" / "node_modules"
 # Reliable topics of which every message counts.
@@ -21,44 +18,43 @@ class Viewer:
     """Follows a dashboard for as long as it is open."""
 
     def __init__(self, cell):
-        self.cell, self.lines = cell, []
+        self.cell, self.load = cell, kit.Load()
         topics = [f"/{cell}/{topic}" for topic in TOPICS]
         script = pathlib.Path(__file__).with_name("viewer.mjs")
-        self.process = subprocess.Popen(["node", script, MODULES, f"ws://{ADDRESS}/viewer", *topics], stdout=subprocess.PIPE, stderr=sys.stderr, text=True)
-        self.reader = threading.Thread(target=self.read, daemon=True)
-        self.reader.start()
-        atexit.register(self.process.kill)
+        self.process = kit.Process("node", script, MODULES, f"ws://{ADDRESS}/viewer", *topics, apart=True)
 
-    def read(self):
-        for line in self.process.stdout:
-            self.lines.append(json.loads(line))
+    @property
+    def lines(self):
+        return [json.loads(line) for line in self.process.lines]
 
     def told(self, key):
         return [line[key] for line in self.lines if key in line]
 
     def waits_for(self, what, topic):
-        until(f"{topic} {what}", lambda: topic in self.told(what))
+        kit.until(f"{topic} {what}", lambda: topic in self.told(what))
 
     def end(self):
-        if self.process.poll() is None:
-            self.process.terminate()
-        self.reader.join(timeout=60)
+        self.process.end()
         (seen,) = self.told("end")
         return seen
 
 
-def compared(viewer, seen, folder):
-    """Every message of the topics in the recording of the cell came to the viewer, byte for byte, and nothing else."""
+HELD_UP = 0.2  # share of the time; what carries messages to the viewer and had no processor for so much of it may lose some of streams, and tells so
+
+
+def compared(viewer, seen, folder, held_up):
+    """Every message of the topics in the recording of the cell came to the viewer, byte for byte, and nothing else. `held_up`: the share of the
+    time for which what carries the messages to it had to wait for a processor."""
     assert seen["serverInfo"]["name"] == "probecell" and seen["serverInfo"]["capabilities"] == [], seen["serverInfo"]
     assert not seen["errors"] and not seen["undecoded"], seen
     said = [status["message"] for status in seen["statuses"]]
     assert "this dashboard only reads: advertise is not served" in said, said
-    assert not [text for text in said if "lost" in text or "skipped" in text], said
+    lost = [text for text in said if "lost" in text or "skipped" in text]
+    assert not lost or held_up > HELD_UP, (held_up, lost)
+    assert not [text for text in lost if any(f"/{viewer.cell}/{topic} " in text for topic in TOPICS)], lost
     recorded = {}
-    for file in sorted(folder.rglob("*.mcap")):
-        with open(file, "rb") as stream:
-            for _, channel, message in make_reader(stream).iter_messages():
-                recorded.setdefault(channel.topic, []).append(hashlib.sha256(message.data).hexdigest())
+    for channel, message in raw(folder):
+        recorded.setdefault(channel.topic, []).append(hashlib.sha256(message.data).hexdigest())
     came = {}
     for line in viewer.lines:
         if "topic" in line:
@@ -70,7 +66,8 @@ def compared(viewer, seen, folder):
     offered = viewer.told("offered")
     assert all(topic in offered for topic in kinds), sorted(set(kinds) - set(offered))
     total = sum(seen["counts"].values())
-    print(f"viewer: {len(offered)} topics offered, {total} messages decoded by @foxglove/ws-protocol, {sum(map(len, came.values()))} of {len(topics)} topics as in the recording")
+    print(f"viewer: {len(offered)} topics offered, {total} messages decoded by @foxglove/ws-protocol, {sum(map(len, came.values()))} of {len(topics)} topics as in the recording; "
+          f"{len(lost)} losses of streams told, carriers held up for {100 * held_up:.0f} % of the time")
 
 
 def refused():
@@ -83,7 +80,7 @@ def refused():
         ("another protocol", 400, handshake | {"Sec-WebSocket-Protocol": "chat"}),
         ("no upgrade", 426, {}),
     ):
-        connection = http.client.HTTPConnection(ADDRESS, timeout=60)
+        connection = http.client.HTTPConnection(ADDRESS, timeout=kit.patience(60))
         connection.request("GET", "/viewer", headers=headers)
         status = connection.getresponse().status
         assert status == code, (what, status)

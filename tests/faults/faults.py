@@ -3,8 +3,7 @@
 
     faults.py PROBECELL [SECONDS [SEED]]
 
-Needs root, in network and mount namespaces of its own: unshare -mn bash -c 'ip link set lo up; faults.py …'. Each session starts
-a cell, asks for parts, and meanwhile kills processes (SIGKILL; each node, driver, recorder, router, launcher), pauses them (SIGSTOP),
+Needs root, in a mount namespace of its own: unshare -m faults.py …; each session has a network of its own. It starts a cell, asks for parts, and meanwhile kills processes (SIGKILL; each node, driver, recorder, router, launcher), pauses them (SIGSTOP),
 sets the wall clock both ways (libfaketime), cuts the link to the host of the router or of the recorder (veth), loads the processors, or
 gives the recording a disk that is small, slow (a throttled block device) or takes writes and refuses them when they are synced.
 It ends by Ctrl-C, or by SIGKILL of the launcher or the recorder, in some sessions while a part is made. A failure names its seed.
@@ -15,20 +14,17 @@ import json
 import os
 import pathlib
 import random
-import re
 import signal
-import subprocess
 import sys
-import tempfile
-import threading
 import time
 
-from disks import Disk
-from judge import Judge
-from places import KINDS, Place
-
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-PATIENCE = 90  # s for a part to end in a report, whatever happened to it
+sys.path.append(str(ROOT / "tests"))
+import kit  # noqa: E402
+from disks import Disk  # noqa: E402
+from judge import Judge  # noqa: E402
+from places import KINDS, Place  # noqa: E402
+
 NODES = ("machine_state", "probe_events", "path_planning", "analysis", "compensation", "cycle", "gap", "visualization", "simulator")
 DISKS = ("sound",) * 6 + ("small", "slow", "slow", "refusing")
 ENDS = ("ctrl-c", "ctrl-c", "ctrl-c", "launcher", "recorder")
@@ -39,7 +35,7 @@ class Session:
 
     def __init__(self, seed, folder):
         self.random, self.folder, self.faults = random.Random(seed), folder, []
-        self.environment = os.environ | {"XDG_CONFIG_HOME": str(folder / "config"), "XDG_STATE_HOME": str(folder / "state")}
+        self.environment = dict(os.environ)
         self.place = Place(self.random.choice(KINDS), folder, BINARY, self.environment)
         # A recorder on another host has no launcher that starts it again.
         self.disk = Disk("sound" if self.place.kind == "far" else self.random.choice(DISKS), folder / "recordings", self.random)
@@ -53,45 +49,41 @@ class Session:
             "LD_PRELOAD": str(library), "FAKETIME_TIMESTAMP_FILE": str(self.clock), "FAKETIME_NO_CACHE": "1",
             "FAKETIME_DONT_FAKE_MONOTONIC": "1", "DONT_FAKE_MONOTONIC": "1",
         }
-        self.up, self.lines = None, []
+        self.up = None
         busy = self.random.choice((0, 0, 0, 0, 1, 2))
-        self.load = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(busy)]
+        self.load = [kit.Process(sys.executable, "-c", "while True: pass") for _ in range(busy)]
 
     def start(self):
         self.place.start_router()
         if self.place.kind == "far":
             self.place.start_recorder()
         unrecorded = ["--no-record"] if self.place.kind == "far" else []
-        self.up = subprocess.Popen(
-            [BINARY, "up", "cell.toml", "--no-dashboard", *unrecorded], cwd=self.folder, env=self.environment | self.faked, text=True,
-            stdout=subprocess.PIPE, stderr=open(self.folder / "errors.txt", "w"), stdin=subprocess.DEVNULL,
+        self.up = kit.Process(
+            BINARY, "up", "cell.toml", "--no-dashboard", *unrecorded, folder=self.folder, environment=self.environment | self.faked, apart=True,
         )
-        self.reader = threading.Thread(target=lambda: self.lines.extend(self.up.stdout), daemon=True)
-        self.reader.start()
-        if not self.wait(lambda: self.says("is ready")) and self.disk.is_sound:
+        if not self.wait(lambda: self.up.has_said("is ready")) and self.disk.is_sound:
             raise AssertionError("the cell did not get ready")
 
-    def wait(self, ready, seconds=PATIENCE):
-        """Until it is, the cell has ended, or the time is over."""
-        deadline = time.monotonic() + seconds
-        while not ready() and self.up.poll() is None and time.monotonic() < deadline:
-            time.sleep(0.05)
+    def runs(self):
+        return self.up.code is None
+
+    def wait(self, ready):
+        """Until it is, or the cell has ended."""
+        kit.until("what a cell promises", lambda: ready() or self.up.is_silent())
         return ready()
 
-    def says(self, pattern):
-        return any(re.search(pattern, line) for line in list(self.lines))
+    def lasts(self, seconds, ready=lambda: False):
+        """A span that the seed gives, and no longer than until it is ready or the cell has ended."""
+        end = time.monotonic() + seconds
+        while not ready() and self.runs() and time.monotonic() < end:
+            kit.happened.wait(None, min(0.05, max(0.0, end - time.monotonic())))
+        return ready()
 
     def process(self, name):
-        if self.up.poll() is not None:
+        try:
+            return kit.child(self.up.pid, *(["record"] if name == "recorder" else ["node", name])) if self.runs() else None
+        except (AssertionError, OSError):
             return None
-        for child in pathlib.Path(f"/proc/{self.up.pid}/task/{self.up.pid}/children").read_text().split():
-            try:
-                words = pathlib.Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
-            except OSError:
-                continue
-            if words[1:3] == [b"node", name.encode()] or (name == "recorder" and words[1:2] == [b"record"]):
-                return int(child)
-        return None
 
     def fault(self):
         """One fault, drawn by the seed."""
@@ -108,10 +100,10 @@ class Session:
             held = self.random.choice((held / 4, held, 3 * held))
             self.faults.append(f"cut link {held:.1f} s")
             self.place.cut()
-            self.wait(lambda: False, held)
+            self.lasts(held)
             self.place.join()
         elif kind == "kill router":
-            if self.place.router.poll() is None:
+            if self.place.router.code is None:
                 self.faults.append(kind)
                 self.place.router.kill()
         elif (process := self.process(name)) is None:
@@ -122,7 +114,7 @@ class Session:
         else:
             self.faults.append(f"pause {name} {held:.1f} s")
             self.signal(process, signal.SIGSTOP)
-            self.wait(lambda: False, held)
+            self.lasts(held)
             self.signal(process, signal.SIGCONT)
 
     @staticmethod
@@ -139,53 +131,43 @@ class Session:
         leave = self.random.random() < 0.25
         for number in range(parts):
             name = f"part_{number}"
-            told = subprocess.run(
-                [BINARY, "run", name, "--cell", "cell.toml"], cwd=self.folder, env=self.environment, capture_output=True, timeout=PATIENCE,
-            )
-            if told.returncode != 0:
-                self.wait(lambda: False, 1.0)
+            code, _, _ = kit.run(BINARY, "run", name, "--cell", "cell.toml", folder=self.folder, environment=self.environment)
+            if code != 0:
+                self.lasts(1.0)
                 continue
             accepted.append(name)
-            ended = lambda: self.says(rf"^part {name}: ")
+            ended = lambda: self.up.has_said(rf"^part {name}: ")
             for _ in range(self.random.randint(0, 3)):
-                if self.wait(ended, self.random.uniform(0.5, 12.0)):
+                if self.lasts(self.random.uniform(0.5, 12.0), ended):
                     break
                 self.fault()
             if leave and number + 1 == parts:
-                self.wait(ended, self.random.uniform(0.5, 12.0))
+                self.lasts(self.random.uniform(0.5, 12.0), ended)
                 return accepted, reported, not ended()
-            if self.wait(ended):
-                reported.append(name)
-            elif self.up.poll() is None:
-                raise AssertionError(f"{name} did not end in a report within {PATIENCE} s")
-            else:
-                self.reader.join(PATIENCE)
-                assert ended(), f"the cell has ended, and {name} has no report"
-                reported.append(name)
+            assert self.wait(ended), f"the cell has ended, and {name} has no report"
+            reported.append(name)
         return accepted, reported, False
 
     def end(self):
         """Ends the cell in one of the ways; true where all of it ended in order."""
         how = self.random.choice(ENDS)
-        running = self.up.poll() is None
+        running = self.runs()
         # Without its recorder it does.
         excused = not self.disk.is_sound or "kill recorder" in self.faults
-        assert running or excused, ("the cell has ended by itself", self.up.returncode)
+        assert running or excused, ("the cell has ended by itself", self.up.code)
         if running:
             self.faults.append(f"end by {how}")
             if how == "recorder" and (process := self.process("recorder")):
                 self.signal(process, signal.SIGKILL)
                 # The launcher starts another one.
-                self.wait(lambda: False, self.random.uniform(0.0, 3.0))
+                self.lasts(self.random.uniform(0.0, 3.0))
                 how = "ctrl-c"
                 self.faults.append("end by ctrl-c")
-            self.up.send_signal(signal.SIGKILL if how == "launcher" else signal.SIGINT)
-        self.up.wait(PATIENCE)
-        self.reader.join(PATIENCE)
-        # What is late is fetched for ten seconds.
+            self.up.send(signal.SIGKILL if how == "launcher" else signal.SIGINT)
+        self.up.ended()
         if self.place.kind == "far":
-            time.sleep(11)
-        self.place.end_recorder(PATIENCE)
+            kit.pause(kit.patience(11), "what is late is fetched for ten seconds, and may be lost after them")
+        self.place.end_recorder()
         self.disk.heal()
         return running and how == "ctrl-c"
 
@@ -202,17 +184,16 @@ class Session:
     def close(self):
         for process in self.load:
             process.kill()
-            process.wait()
-        if self.up and self.up.poll() is None:
+        if self.up:
             self.up.kill()
-            self.up.wait(PATIENCE)
         self.place.close()
         self.disk.close()
 
 
-def one(seed, scratch, figures, kinds):
-    """A session of a seed; what did not hold, in a text."""
-    session = Session(seed, scratch)
+def one(folder, seed):
+    """A session of a seed; what did not hold, and the figures, are left in a file."""
+    figures, kinds, failure = collections.Counter(), collections.Counter(), None
+    session = Session(seed, folder)
     try:
         session.start()
         accepted, reported, left = session.make()
@@ -221,14 +202,18 @@ def one(seed, scratch, figures, kinds):
         figures["parts that ended in a report on the terminal"] += len(reported)
         figures["parts left under way"] += left
         Judge(BINARY, session, figures).all(accepted, orderly)
-        return None
-    except (AssertionError, subprocess.TimeoutExpired) as failure:
-        said = "".join(session.lines[-5:]) + (session.folder / "errors.txt").read_text()[-1500:]
-        return f"{failure!r}\n  {session.kinds()}\n  faults: {session.faults}\n{said}"
+    except AssertionError as error:
+        kit.state()
+        said = "".join(session.up.told[-5:] + session.up.complained[-20:]) if session.up else ""
+        failure = f"{error!r}\n  {session.kinds()}\n  faults: {session.faults}\n{said}"
     finally:
         session.close()
         kinds.update(session.kinds())
         figures["sessions"] += 1
+        (folder / RESULT).write_text(json.dumps({"failure": failure, "figures": figures, "kinds": kinds}))
+
+
+RESULT = "result.json"
 
 
 def main():
@@ -237,11 +222,15 @@ def main():
     begun, seed, figures, kinds = time.monotonic(), first, collections.Counter(), collections.Counter()
     failures = []
     while time.monotonic() - begun < seconds:
-        with tempfile.TemporaryDirectory(prefix="faults_") as scratch:
-            failure = one(seed, pathlib.Path(scratch), figures, kinds)
-        if failure:
+        with kit.new_folder() as folder:
+            folder = pathlib.Path(folder)
+            holds = kit.apart(one, folder, seed)
+            told = json.loads((folder / RESULT).read_text())
+        figures.update(told["figures"])
+        kinds.update(told["kinds"])
+        if told["failure"] or not holds:
             failures.append(seed)
-        print(f"seed {seed}: {failure or 'good'}", flush=True)
+        print(f"seed {seed}: {told['failure'] or ('good' if holds else 'FAILED')}", flush=True)
         seed += 1
     print(json.dumps({"seconds": round(time.monotonic() - begun), "seeds": [first, seed - 1], **figures}, indent=1))
     print(json.dumps({"faults": dict(sorted(kinds.items()))}))

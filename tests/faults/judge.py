@@ -2,10 +2,9 @@
 
 import collections
 import json
-import subprocess
 
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
+import kit
+from kit.recordings import decoded
 
 APPLIED = 0
 SIGNED_BY = (1, 2)  # policy, operator
@@ -16,12 +15,9 @@ TOPICS = ("probe_triggers", "probe_events", "corrections", "correction_acknowled
 def messages(bag):
     """Messages of topics of the cell; a latched one that stands twice is one."""
     found = {topic: {} for topic in TOPICS}
-    for file in sorted(bag.glob("*.mcap")):
-        with open(file, "rb") as stream:
-            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-            for _, channel, raw, message in reader.iter_decoded_messages([f"/turn_mill/{topic}" for topic in TOPICS]):
-                topic = channel.topic.removeprefix("/turn_mill/")
-                found[topic][raw.publish_time, raw.sequence, bytes(raw.data)] = message
+    for channel, raw, message in decoded(bag, [f"/turn_mill/{topic}" for topic in TOPICS]):
+        topic = channel.topic.removeprefix("/turn_mill/")
+        found[topic][raw.publish_time, raw.sequence, bytes(raw.data)] = message
     return {topic: list(known.values()) for topic, known in found.items()}
 
 
@@ -37,10 +33,7 @@ class Judge:
         self.reports, self.applied = {}, {}
 
     def tell(self, *words):
-        told = subprocess.run(
-            [self.binary, *map(str, words)], cwd=self.session.folder, env=self.session.environment, capture_output=True, text=True,
-        )
-        return told.returncode, told.stdout, told.stderr
+        return kit.run(self.binary, *words, folder=self.session.folder, environment=self.session.environment, seconds=300)
 
     def all(self, accepted, orderly):
         """Every recording, and what they say together."""

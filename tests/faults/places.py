@@ -1,14 +1,8 @@
 """Where a cell has its router and its recorder: in its own launcher, beside it, or on another host whose link is cut."""
 
-import os
-import subprocess
+import kit
 
-HERE, THERE = "10.88.0.1", "10.88.0.2"
 KINDS = ("alone", "alone", "alone", "beside", "apart", "far")
-
-
-def ip(*words):
-    subprocess.run(["ip", *words], check=True)
 
 
 class Place:
@@ -18,17 +12,11 @@ class Place:
     def __init__(self, kind, folder, binary, environment):
         self.kind, self.folder, self.binary, self.environment = kind, folder, binary, environment
         self.router = self.recorder = None
-        self.host = f"faults-{os.getpid()}"
-        self.endpoint = "tcp/127.0.0.1:7447"
+        self.endpoint, self.host = "tcp/127.0.0.1:7447", kit.Host(is_here=True)
         if self.is_apart:
-            ip("netns", "add", self.host)
-            ip("-n", self.host, "link", "set", "lo", "up")
-            ip("link", "add", "here", "type", "veth", "peer", "name", "there", "netns", self.host)
-            ip("address", "add", f"{HERE}/24", "dev", "here")
-            ip("link", "set", "here", "up")
-            ip("-n", self.host, "address", "add", f"{THERE}/24", "dev", "there")
-            self.join()
-            self.endpoint = f"tcp/{THERE}:7447"
+            here, self.host = self.host, kit.Host()
+            self.cable = kit.Cable(here, self.host)
+            self.endpoint = f"tcp/{self.cable.addresses[1]}:7447"
 
     @property
     def is_apart(self):
@@ -41,11 +29,7 @@ class Place:
 
     def start(self, *words):
         """A process on the other host, or beside the cell."""
-        inside = ["ip", "netns", "exec", self.host] if self.is_apart else []
-        return subprocess.Popen(
-            [*inside, self.binary, *words], cwd=self.folder, env=self.environment, text=True, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=open(self.folder / "errors_elsewhere.txt", "a"),
-        )
+        return kit.Process(*self.host.inside, self.binary, *words, folder=self.folder, environment=self.environment, apart=True)
 
     def start_router(self):
         if self.kind == "alone":
@@ -53,8 +37,7 @@ class Place:
         # On another host every process of the cell is a stranger.
         to = ["--strangers", "write"] if self.is_apart else []
         self.router = self.start("router", "--listen", self.endpoint, *to)
-        line = self.router.stdout.readline()
-        assert "listens on" in line, (line, (self.folder / "errors_elsewhere.txt").read_text())
+        self.router.says("listens on")
 
     def start_recorder(self):
         """Beside the router; the cell runs on while it hears nothing from there."""
@@ -62,21 +45,16 @@ class Place:
         self.recorder = self.start("record", "--cell", "cell.toml", "--folder", "recordings/far")
 
     def cut(self):
-        ip("-n", self.host, "link", "set", "there", "down")
+        self.cable.pull()
 
     def join(self):
-        ip("-n", self.host, "link", "set", "there", "up")
+        self.cable.plug()
 
-    def end_recorder(self, seconds):
+    def end_recorder(self):
         if self.recorder:
-            self.recorder.terminate()
-            self.recorder.wait(seconds)
+            self.recorder.end()
 
     def close(self):
         for process in (self.recorder, self.router):
             if process:
-                if process.poll() is None:
-                    process.kill()
-                process.wait()
-        if self.is_apart:
-            ip("netns", "del", self.host)
+                process.kill()

@@ -20,8 +20,8 @@ use probecell_msgs::{Message, OperatorRequest, PartReport, RecordingStatus, from
 /// When every virtual session begins: 2026-01-01 00:00 UTC.
 pub const BEGIN: Stamp = Stamp(1_767_225_600_000_000_000);
 
-/// Longest virtual time that a part may take, s.
-const PART_LIMIT: f64 = 600.0;
+/// Longest virtual time that a part may take, s; long enough for a machine that was left alone to end what it was doing.
+pub const PART_LIMIT: f64 = 600.0;
 
 /// Folder of the cell files.
 pub fn launch_scripts() -> PathBuf {

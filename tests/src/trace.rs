@@ -1,7 +1,7 @@
 //! What each node of a run took and gave, step by step, so that one node can be run again from any of its steps.
 //!
 //! Inputs come from the log by the node's own journal; outputs from a fresh node that is fed with them. That these
-//! outputs are the logged ones is what `tests/replay.rs` proves.
+//! outputs are the logged ones is what `tests/main/replay.rs` proves.
 
 use std::collections::BTreeMap;
 

@@ -29,7 +29,7 @@ from cyclonedds.util import duration  # noqa: E402
 from rosbags.interfaces import Nodetype  # noqa: E402
 
 from messages import CONTRACT, Messages  # noqa: E402
-from peer import PATIENCE, Peer, check, until  # noqa: E402
+from peer import Peer, check, kit  # noqa: E402
 
 SERVICE = "probecell_msgs/srv/StartRecording"
 
@@ -124,7 +124,7 @@ def take(reader, count=1, what="a sample"):
         samples.extend(reader.take(N=count - len(samples)))
         return len(samples) >= count
 
-    until(f"{count} of {what}", enough)
+    kit.until(f"{count} of {what}", enough)
     return samples
 
 
@@ -143,7 +143,7 @@ def both_ways(program, cyclone, messages):
             reader = cyclone.reader(f"rt/cell/{topic}_out", ty, qos)
             ours.ask("gid", "offer", f"/cell/{topic}_out", name, qos)
             check("found", ours.ask("found", "await", f"/cell/{topic}_out", 1)["found"], True)
-            until("a match", lambda: reader.get_matched_publications())
+            kit.until("a match", lambda: reader.get_matched_publications())
             message = messages.random(name, 20)
             came = []
 
@@ -153,7 +153,7 @@ def both_ways(program, cyclone, messages):
                 came.extend(reader.take(N=1))
                 return came
 
-            until(f"{name} of {qos}", reaches)
+            kit.until(f"{name} of {qos}", reaches)
             (found,) = came
             check(f"{name} as taken by Cyclone", messages.encode(cyclone.idl.from_idl(found, name), name),
                   messages.encode(message, name))
@@ -161,20 +161,17 @@ def both_ways(program, cyclone, messages):
 
             ours.ask("subscribed", "subscribe", f"/cell/{topic}_in", name, qos)
             writer = cyclone.writer(f"rt/cell/{topic}_in", ty, qos)
-            until("a match", lambda: writer.get_matched_subscriptions())
+            kit.until("a match", lambda: writer.get_matched_subscriptions())
             message = messages.random(name, 21)
             # Cyclone has matched; whether we have is not told, so volatile topics are written until one arrives.
             got = {}
 
             def arrives():
                 writer.write(cyclone.idl.to_idl(message, name))
-                try:
-                    got["sample"] = ours.take("sample", lambda sample: sample["sample"] == f"/cell/{topic}_in", patience=0.5)
-                except AssertionError:
-                    return False
-                return True
+                got["sample"] = ours.look(("sample",), lambda sample: sample["sample"] == f"/cell/{topic}_in")
+                return got["sample"]
 
-            until(f"{name} from Cyclone", arrives)
+            kit.until(f"{name} from Cyclone", arrives)
             again = messages.decode(bytes.fromhex(got["sample"]["cdr"]), name)
             check(f"{name} as published by Cyclone", messages.encode(again, name), messages.encode(message, name))
             del reader, writer
@@ -191,7 +188,7 @@ def late_joiners(program, cyclone, messages):
         ours.ask("gid", "offer", "/cell/latched_out", name, "latched:3")
         witness = cyclone.reader("rt/cell/latched_out", ty, "events")
         check("found", ours.ask("found", "await", "/cell/latched_out", 1)["found"], True)
-        until("a match", lambda: witness.get_matched_publications())
+        kit.until("a match", lambda: witness.get_matched_publications())
         for text in texts:
             cdr = messages.encode(messages.store.types[name](data=text), name)
             ours.ask("published", "publish", "/cell/latched_out", name, "latched:3", cdr.hex())
@@ -219,7 +216,7 @@ def bursts(program, cyclone, messages):
         ours.ask("gid", "offer", "/cell/burst_out", name, "events")
         reader = cyclone.reader("rt/cell/burst_out", ty, "events")
         check("found", ours.ask("found", "await", "/cell/burst_out", 1)["found"], True)
-        until("a match", lambda: reader.get_matched_publications())
+        kit.until("a match", lambda: reader.get_matched_publications())
 
         def tell(text):
             cdr = messages.encode(messages.store.types[name](data=text), name)
@@ -230,7 +227,7 @@ def bursts(program, cyclone, messages):
             tell("knock")
             return reader.take(N=1)
 
-        until("a first sample", heard)
+        kit.until("a first sample", heard)
         for text in texts:
             tell(text)
         found = []
@@ -241,20 +238,18 @@ def bursts(program, cyclone, messages):
         # The same from the other side.
         ours.ask("subscribed", "subscribe", "/cell/burst_in", name, "events")
         writer = cyclone.writer("rt/cell/burst_in", ty, "events")
-        until("a match", lambda: writer.get_matched_subscriptions())
+        kit.until("a match", lambda: writer.get_matched_subscriptions())
 
-        def taken(patience=PATIENCE):
-            sample = ours.take("sample", lambda sample: sample["sample"] == "/cell/burst_in", patience)
-            return messages.decode(bytes.fromhex(sample["cdr"]), name).data
+        own = lambda sample: sample["sample"] == "/cell/burst_in"
+
+        def taken():
+            return messages.decode(bytes.fromhex(ours.take("sample", own)["cdr"]), name).data
 
         def hears():
             writer.write(ty(data="knock"))
-            try:
-                return taken(0.5)
-            except AssertionError:
-                return False
+            return ours.look(("sample",), own)
 
-        until("a first sample", hears)
+        kit.until("a first sample", hears)
         for text in texts:
             writer.write(ty(data=text))
         while (first := taken()) == "knock":
@@ -314,7 +309,7 @@ def services(program, cyclone, messages):
         ours.ask("serving", "serve", "/cell/run", SERVICE, response.hex())
         writer = cyclone.writer("rq/cell/runRequest", request_type, qos)
         reader = cyclone.reader("rr/cell/runReply", response_type, qos)
-        until("a match", lambda: writer.get_matched_subscriptions() and reader.get_matched_publications())
+        kit.until("a match", lambda: writer.get_matched_subscriptions() and reader.get_matched_publications())
         answer = {}
 
         def answered():
@@ -322,7 +317,7 @@ def services(program, cyclone, messages):
             answer.update({(reply.guid, reply.number): reply for reply in reader.take(N=10)})
             return answer
 
-        until("a response of ours", answered)
+        kit.until("a response of ours", answered)
         (((guid, number), reply),) = answer.items()
         check("identity", (guid, number), (0x1122334455667788, 7))
         check("response", (reply.accepted, reply.text), (True, "made"))
@@ -333,7 +328,7 @@ def services(program, cyclone, messages):
         ours.tell("call", "/cell/run_theirs", SERVICE, request.hex())
         (asked,) = take(reader)
         check("request of ours", asked.uri, "P1")
-        until("a match", lambda: writer.get_matched_subscriptions())
+        kit.until("a match", lambda: writer.get_matched_subscriptions())
         writer.write(response_type(guid=asked.guid, number=asked.number, accepted=True, uri="", text="made"))
         check("response of theirs", unpadded(ours.take("response")["response"], response), response)
     with (
@@ -368,23 +363,23 @@ def discovery(program, cyclone):
                     told[(one.node_namespace, one.node_name)] = {bytes(writer.data).hex() for writer in one.writer_gid_seq}
             return offered in told.get(("/cell", "known"), ())
 
-        until("our node", known)
+        kit.until("our node", known)
         writer = cyclone.writer("ros_discovery_info", info, "latched:1")
         guid = cyclone.participant.guid
         writer.write(info(
             gid=gid(data=list(guid.bytes)),
             node_entities_info_seq=[node(node_namespace="/other", node_name="theirs", reader_gid_seq=[], writer_gid_seq=[])],
         ))
-        until("their node", lambda: "/other/theirs" in ours.ask("nodes", "graph")["nodes"])
+        kit.until("their node", lambda: "/other/theirs" in ours.ask("nodes", "graph")["nodes"])
         extra = cyclone.writer("rt/other/topic", cyclone.idl.type("std_msgs/msg/String"), "reliable:10")
-        until("their topic", lambda: any(
+        kit.until("their topic", lambda: any(
             (topic["name"], topic["type"]) == ("/other/topic", "std_msgs/msg/String")
             for topic in ours.ask("nodes", "graph")["topics"]
         ))
         del extra
 
 
-def main():
+def main(_):
     parser = argparse.ArgumentParser()
     parser.add_argument("--peer", required=True, help="the example program bus_peer")
     parser.add_argument("--msgs", required=True, help="the interface package")
@@ -404,4 +399,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    kit.main({"dds": main})

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Checks the bus against programs that are not ours, inside network namespaces of its own:
+# Checks the bus against programs that are not ours, each inside a network namespace of its own:
 #   zenoh    every byte of rmw_zenoh's wire format; eclipse-zenoh and zenoh-ros2-sdk both ways
 #   dds      Cyclone DDS both ways
 #   recording  the services of a running cell's recorder, called by zenoh-ros2-sdk
@@ -13,17 +13,10 @@ root=$(cd "$here/../../.." && pwd)
 scratch=${PROBECELL_BUS_SCRATCH:-${TMPDIR:-/tmp}/probecell-bus}
 target=${CARGO_TARGET_DIR:-$root/target}
 
-# Loopback with multicast, and a folder for named namespaces that nobody else sees.
-isolated() {
-    unshare --net --mount bash -euo pipefail -c '
-        ip link set lo up multicast on
-        ip route add 224.0.0.0/4 dev lo
-        mkdir -p /run/netns
-        mount -t tmpfs tmpfs /run/netns
-        exec "$@"' isolated "$@"
-}
-
 if [ "${1:-}" = bench ]; then
+    isolated() { # loopback with multicast
+        unshare --net bash -euo pipefail -c 'ip link set lo up multicast on; ip route add 224.0.0.0/4 dev lo; exec "$@"' isolated "$@"
+    }
     bench=$(cd "$root" && cargo bench --workspace --bench bus --no-run --message-format=json 2>/dev/null |
         sed -n 's/.*"executable":"\([^"]*bus-[^"]*\)".*/\1/p' | tail -1)
     isolated "$bench"
@@ -43,14 +36,14 @@ for check in "${@:-zenoh dds recording outage}"; do
     for name in $check; do
         echo "== $name"
         case $name in
-        zenoh) isolated "$venv/bin/python" "$here/zenoh_peers.py" --peer "$peer" --msgs "$root/msgs" ;;
-        dds) isolated "$venv/bin/python" "$here/dds_peers.py" --peer "$peer" --msgs "$root/msgs" ;;
+        zenoh) "$venv/bin/python" "$here/zenoh_peers.py" --peer "$peer" --msgs "$root/msgs" ;;
+        dds) "$venv/bin/python" "$here/dds_peers.py" --peer "$peer" --msgs "$root/msgs" ;;
         recording)
             (cd "$root" && cargo build --quiet --release --workspace --bin probecell)
-            isolated "$venv/bin/python" "$here/recording.py" --probecell "$target/release/probecell" \
+            "$venv/bin/python" "$here/recording.py" --probecell "$target/release/probecell" \
                 --msgs "$root/msgs" --cell "$root/launch-scripts/turn_mill.toml"
             ;;
-        outage) isolated "$venv/bin/python" "$here/outage.py" --peer "$peer" ;;
+        outage) "$venv/bin/python" "$here/outage.py" --peer "$peer" ;;
         *)
             echo "no check $name: zenoh, dds, recording, outage or bench" >&2
             exit 2

@@ -17,7 +17,7 @@ from zenoh_ros2_sdk import ROS2Publisher, ROS2ServiceClient, ROS2ServiceServer, 
 from zenoh_ros2_sdk.utils import compute_service_type_hash
 
 from messages import CONTRACT, TOKEN_QOS, Messages
-from peer import PATIENCE, Peer, check, until
+from peer import Peer, check, kit
 
 NODE = "@ros2_lv/0/{zid}/0/0/NN/%/%cell/{node}"
 ENDPOINT = "@ros2_lv/0/{zid}/0/{eid}/{kind}/%/%cell/{node}/{name}/{type}/{hash}/{qos}"
@@ -31,6 +31,20 @@ def gid(token):
 
 def attachment(number, time, source):
     return struct.pack("<qqB", number, time, 16) + source
+
+
+def heard(samples):
+    """Puts what is heard into a queue, and wakes who waits for it."""
+    def put(sample):
+        samples.put(sample)
+        kit.happened()
+
+    return put
+
+
+def next_of(samples):
+    kit.until("a sample", lambda: not samples.empty())
+    return samples.get()
 
 
 class Raw:
@@ -56,6 +70,7 @@ class Raw:
     def _token(self, sample):
         change = self.alive.add if sample.kind == zenoh.SampleKind.PUT else self.alive.discard
         change(str(sample.key_expr))
+        kit.happened()
 
     def tokens(self):
         """What is announced now. A subscription knows; a single query may catch the graph half told."""
@@ -63,7 +78,7 @@ class Raw:
 
     def listen(self, key):
         samples = queue.Queue()
-        return self.session.declare_subscriber(key, samples.put), samples
+        return self.session.declare_subscriber(key, heard(samples)), samples
 
 
 def key_of(messages, topic, name):
@@ -73,7 +88,7 @@ def key_of(messages, topic, name):
 def golden_bytes(program, endpoint, messages):
     """Keys, tokens, attachments and payloads, byte by byte, for every type of the contract."""
     with Raw(endpoint) as raw, Peer(program, "golden", endpoint=endpoint, namespace="/cell") as ours:
-        until("the node's token", lambda: any("/golden" in token for token in raw.tokens()))
+        kit.until("the node's token", lambda: any("/golden" in token for token in raw.tokens()))
         (node_token,) = raw.tokens()
         zid = node_token.split("/")[2]
         check("node token", node_token, NODE.format(zid=zid, node="golden"))
@@ -95,7 +110,7 @@ def golden_bytes(program, endpoint, messages):
                 published.append(ours.ask("published", "publish", f"/cell/{topic}", name, qos, cdr.hex())["published"])
                 return not samples.empty()
 
-            until(f"a sample of {topic}", arrives)
+            kit.until(f"a sample of {topic}", arrives)
             check("numbers", published, list(range(1, len(published) + 1)))
             sample = samples.get()
             # Which of them came first is the network's affair.
@@ -113,7 +128,7 @@ def golden_bytes(program, endpoint, messages):
             ))
         ours.ask("serving", "serve", "/cell/run", "probecell_msgs/srv/Run", "00010000")
         count = len(wanted) + 1
-        until("all tokens", lambda: len(raw.tokens()) >= count)
+        kit.until("all tokens", lambda: len(raw.tokens()) >= count)
         found = {token for token in raw.tokens() if token.split("/")[2] == zid}
         service = {token for token in found if "/SS/" in token}
         check("one service", len(service), 1)
@@ -125,7 +140,7 @@ def golden_bytes(program, endpoint, messages):
         ])
         check("tokens", found - service, wanted)
         ours.ask("closed", "close")
-        until("the tokens to go", lambda: not any(token.split("/")[2] == zid for token in raw.tokens()))
+        kit.until("the tokens to go", lambda: not any(token.split("/")[2] == zid for token in raw.tokens()))
 
 
 def raw_to_us(program, endpoint, messages):
@@ -135,7 +150,7 @@ def raw_to_us(program, endpoint, messages):
             ours.ask("subscribed", "subscribe", f"/cell/{topic}_raw", name, "reliable:10")
             publisher = raw.session.declare_publisher(key_of(messages, f"{topic}_raw", name))
             source = gid(topic)
-            until("a match", lambda: publisher.matching_status.matching)
+            kit.until("a match", lambda: publisher.matching_status.matching)
             for number, seed in ((1, 1), (2, 2), (2, 2), (5, 3)):
                 cdr = messages.encode(messages.random(name, seed), name)
                 publisher.put(cdr, attachment=attachment(number, 1000 + number, source))
@@ -158,18 +173,18 @@ def sdk_both_ways(program, endpoint, messages, sdk):
             common = {"msg_type": name, "type_hash": messages.hash(name), "qos": TOKEN_QOS[qos], **sdk}
             # From us to it.
             taken = queue.Queue()
-            subscriber = ROS2Subscriber(topic=f"/cell/{topic}_out", callback=taken.put, **common)
+            subscriber = ROS2Subscriber(topic=f"/cell/{topic}_out", callback=heard(taken), **common)
             ours.ask("gid", "offer", f"/cell/{topic}_out", name, qos)
             check("found", ours.ask("found", "await", f"/cell/{topic}_out", 1)["found"], True)
             message = messages.random(name, 10)
             ours.ask("published", "publish", f"/cell/{topic}_out", name, qos, messages.encode(message, name).hex())
-            found = taken.get(timeout=PATIENCE)
+            found = next_of(taken)
             check(f"{name} as taken by the SDK", messages.encode(found, name), messages.encode(message, name))
             subscriber.close()
             # From it to us.
             ours.ask("subscribed", "subscribe", f"/cell/{topic}_in", name, qos)
             publisher = ROS2Publisher(topic=f"/cell/{topic}_in", **common)
-            until("a match", lambda: publisher.pub.matching_status.matching)
+            kit.until("a match", lambda: publisher.pub.matching_status.matching)
             message = messages.random(name, 11)
             publisher.publish(**{key: getattr(message, key) for key, _ in messages.fields(name)})
             sample = ours.take("sample")
@@ -185,7 +200,7 @@ class Witness:
 
     def __init__(self, session, key):
         self.samples = queue.Queue()
-        self.subscriber = session.declare_subscriber(key, self.samples.put)
+        self.subscriber = session.declare_subscriber(key, heard(self.samples))
 
     def hears(self):
         return not self.samples.empty()
@@ -194,7 +209,7 @@ class Witness:
         """Waits for exactly these payloads, after whatever was sent to find out whether the route stands."""
         seen = []
         while seen[-len(encoded):] != encoded:
-            seen.append(bytes(self.samples.get(timeout=PATIENCE).payload))
+            seen.append(bytes(next_of(self.samples).payload))
         self.subscriber.undeclare()
 
 
@@ -218,7 +233,7 @@ def late_joiners(program, endpoint, messages, sdk):
                 ours.ask("published", "publish", topic, name, qos, knock)
                 return witness.hears()
 
-            until(f"a route of {topic}", knocked)
+            kit.until(f"a route of {topic}", knocked)
             for cdr in encoded:
                 ours.ask("published", "publish", topic, name, qos, cdr.hex())
             witness.saw(encoded)
@@ -228,14 +243,14 @@ def late_joiners(program, endpoint, messages, sdk):
         publish_before_the_joiner(raw.session, "/cell/latched", "latched:3", key)
         taken = queue.Queue()
         subscriber = zenoh.ext.declare_advanced_subscriber(
-            raw.session, key, taken.put,
+            raw.session, key, heard(taken),
             history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=3),
             recovery=zenoh.ext.RecoveryConfig(heartbeat=True), subscriber_detection=True,
         )
         for cdr in encoded[3:]:
-            check("history of ours", bytes(taken.get(timeout=PATIENCE).payload), cdr)
+            check("history of ours", bytes(next_of(taken).payload), cdr)
         ours.ask("published", "publish", "/cell/latched", name, "latched:3", encoded[0].hex())
-        check("what follows", bytes(taken.get(timeout=PATIENCE).payload), encoded[0])
+        check("what follows", bytes(next_of(taken).payload), encoded[0])
         subscriber.undeclare()
         # The SDK asks for history in its own way: of topics without a namespace, and for the last sample only.
         key = f"0/latched_once/{messages.dds(name)}/{messages.hash(name)}"
@@ -245,13 +260,13 @@ def late_joiners(program, endpoint, messages, sdk):
 
         def joined():
             subscriber = ROS2Subscriber(
-                topic="/latched_once", callback=taken.put, msg_type=name, type_hash=messages.hash(name),
+                topic="/latched_once", callback=heard(taken), msg_type=name, type_hash=messages.hash(name),
                 qos=TOKEN_QOS["latched:1"], **sdk,
             )
             subscriber.close()
             return not taken.empty()
 
-        until("history for the SDK", joined)
+        kit.until("history for the SDK", joined)
         check("history of ours, by the SDK", messages.encode(taken.get(), name), encoded[-1])
         # The library's advanced publisher, as rmw_zenoh sets it up; we join late.
         key = key_of(messages, "latched_raw", name)
@@ -271,7 +286,7 @@ def late_joiners(program, endpoint, messages, sdk):
             put(bytes.fromhex(knock))
             return witness.hears()
 
-        until("a route of latched_raw", knocked)
+        kit.until("a route of latched_raw", knocked)
         sent = [put(cdr) for cdr in encoded]
         witness.saw(encoded)
         ours.ask("subscribed", "subscribe", "/cell/latched_raw", name, "latched:3")
@@ -297,7 +312,7 @@ def services_both_ways(program, endpoint, messages, root, sdk):
     with Peer(program, "server", endpoint=endpoint, namespace="/cell") as ours:
         cdr = messages.encode(response, response_name)
         ours.ask("serving", "serve", "/cell/run", "probecell_msgs/srv/StartRecording", cdr.hex())
-        client = ROS2ServiceClient(service_name="/cell/run", timeout=PATIENCE, **common)
+        client = ROS2ServiceClient(service_name="/cell/run", timeout=kit.patience(60), **common)
         for _ in range(3):
             answer = client.call(uri="P1")
             check("response of ours", (answer.accepted, answer.text), (True, "made"))
@@ -316,7 +331,7 @@ def services_both_ways(program, endpoint, messages, root, sdk):
         server.close()
 
 
-def main():
+def main(_):
     parser = argparse.ArgumentParser()
     parser.add_argument("--peer", required=True, help="the example program bus_peer")
     parser.add_argument("--msgs", required=True, help="the interface package")
@@ -346,4 +361,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    kit.main({"zenoh": main})

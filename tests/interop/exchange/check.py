@@ -10,14 +10,14 @@ in ../shared/data/schemas; checks that need one say so where it is not there.
 import json
 import math
 import pathlib
-import subprocess
 import sys
-import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
 SCHEMAS = ROOT.parent / "shared" / "data" / "schemas"
-sys.path[:0] = [str(HERE), str(HERE.parent)]
+sys.path[:0] = [str(HERE), str(ROOT / "tests")]
+import kit  # noqa: E402
+
 PROGRAM = pathlib.Path(sys.argv[1]).resolve()
 CHECKS = []
 
@@ -29,9 +29,9 @@ def check(function):
 
 def probecell(*arguments, status=0):
     """Runs the program; gives standard output and standard error."""
-    done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=300)
-    assert done.returncode == status, (arguments, done.returncode, done.stderr)
-    return done.stdout, done.stderr
+    code, output, errors = kit.run(PROGRAM, *arguments, seconds=300)
+    assert code == status, (arguments, code, errors)
+    return output, errors
 
 
 def answer(*arguments):
@@ -46,7 +46,7 @@ def main():
     chosen = [one for one in CHECKS if wanted in one.__name__]
     assert chosen, "no check has such a name"
     for one in chosen:
-        with tempfile.TemporaryDirectory() as folder:
+        with kit.new_folder() as folder:
             said = one(pathlib.Path(folder))
         print(f"{'skipped' if said else 'good':8}{one.__name__.replace('_', ' ')}{': ' + said if said else ''}", flush=True)
     print(f"{len(chosen)} checks")
@@ -59,4 +59,4 @@ def close(a, b, tolerance=0.0):
 
 if __name__ == "__main__":
     sys.modules["check"] = sys.modules["__main__"]
-    main()
+    raise SystemExit(not kit.guarded(main))

@@ -5,7 +5,7 @@ import math
 import random
 
 from check import ROOT, answer, check, close, probecell
-from recorded import messages
+from kit.recordings import messages
 
 RATE = 0.004  # s between two poses
 FEED = 5e-3  # m/s
@@ -66,15 +66,16 @@ def write_bag(path, streams):
             writer.write(connection, round(at * 1e9), store.serialize_cdr(message, kind))
 
 
-def motion(touched, error=lambda number: 0.0):
-    """The ball over time as it touches one point after the other: samples (instant, place) and the instants of contact."""
+def motion(touched, error=lambda number: 0.0, phase=0.0, stops=False):
+    """The ball over time as it touches one point after the other: samples (instant, place) and the instants of contact. With `stops` it
+    stands where it touches from the contact on; `phase` is that of the samples, s."""
     now, samples, contacts = BEGIN, [], []
     for number, (at, normal) in enumerate(touched):
         gap = RADIUS + sum(n * s for n, s in zip(normal, SHIFT)) + error(number)
-        distance = lambda t: 1e-3 - FEED * t  # of the ball's centre from where it touches
+        distance = lambda t: max(1e-3 - FEED * t, 0.0 if stops else -1.0)  # of the ball's centre from where it touches
         contact = 1e-3 / FEED
         for tick in range(int((contact + 0.02) / RATE) + 2):
-            t = tick * RATE
+            t = tick * RATE + phase
             samples.append((now + t, tuple(a + n * (gap + distance(t)) for a, n in zip(at, normal))))
         contacts.append(now + contact)
         now += contact + 0.5
@@ -143,14 +144,8 @@ def poses_and_a_contact_signal_of_a_foreign_recording_are_touches(folder):
 @check
 def joint_states_and_a_contact_signal_give_the_touches_of_the_cell(folder):
     """The touches of a recorded sample, played as joint states that pass through each latched position at a contact."""
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
     sample = ROOT / "bags" / "samples" / "ball_check.mcap"
-    held = {}
-    with open(sample, "rb") as stream:
-        for _, channel, _, message in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-            held.setdefault(channel.topic.rsplit("/", 1)[1], []).append(message)
+    held = messages(sample)
     names = list(held["probe_events"][0].axis_names)
     joints = ["joint_" + name.lower() for name in names]
     samples, contacts, now = [], [], BEGIN
@@ -161,17 +156,49 @@ def joint_states_and_a_contact_signal_give_the_touches_of_the_cell(folder):
             samples.append((now + RATE * tick, (joints, [a + b for a, b in zip(event.axis_positions, offset)])))
         contacts.append(now + 0.25 * RATE)
         now += 1.0
+    # From the middle on the joints stand in another order, and a gripper publishes on the topic.
+    half = len(samples) // 2
+    samples[half:] = [(at, (own[::-1], positions[::-1])) for at, (own, positions) in samples[half:]]
+    samples += [(at + RATE / 3, (["gripper"], [0.02])) for at, _ in samples[::5]]
     bag = folder / "bag"
     write_bag(bag, [("/joint_states", "sensor_msgs/msg/JointState", samples), ("/probe", "std_msgs/msg/Bool", levels(contacts))])
     arguments = ["import", "contacts", bag, "--joint-states", "/joint_states", "--contact", "/probe", "--plan", sample]
     _, error = probecell(*arguments, "--out", folder / "never", status=2)
     assert "has no joint" in error and "joint_x" in error, error
     named = ",".join(f"{name}={joint}" for name, joint in zip(names, joints))
-    probecell(*arguments, "--joints", named, "--touch-uncertainty-um", 1, "--out", folder / "session")
+    _, noted = probecell(*arguments, "--joints", named, "--touch-uncertainty-um", 1, "--out", folder / "session")
+    assert "have no joint of the machine and are passed over (gripper)" in noted, noted
     again = messages(folder / "session")
     assert [one.point_index for one in again["probe_events"]] == [one.point_index for one in held["probe_events"]]
     for one, other in zip(held["touch_deviations"], again["touch_deviations"]):
         close(one.deviation, other.deviation, 3e-9)
+
+
+@check
+def recordings_that_mislead_are_read_right_or_refused(folder):
+    """An arm that stops at the contact, a signal that bounces, a second publisher of the positions."""
+    touched = points()[:10]
+    plan = plan_of(folder, touched)
+    right, contacts = motion(touched, phase=0.3 * RATE)
+    stops, _ = motion(touched, phase=0.3 * RATE, stops=True)
+    bounces = [(at + after, level) for at in contacts for after, level in ((0.001, False), (0.0019, True), (0.004, False), (0.0047, True))]
+    bouncing = sorted(levels(contacts) + bounces)
+    doubled = sorted(right + [(at + RATE / 2, place) for (_, place), (at, _) in zip(right, right[13:]) if round(at / RATE) % 8 == 0])
+
+    def imported(name, samples, signal, status=0):
+        write_bag(folder / name, [("/tcp", "geometry_msgs/msg/PoseStamped", samples), ("/probe", "std_msgs/msg/Bool", signal)])
+        arguments = ["--pose", "/tcp", "--contact", "/probe", "--plan", plan, "--ball-radius-mm", RADIUS * 1e3, "--touch-uncertainty-um", 1]
+        _, said = probecell("import", "contacts", folder / name, *arguments, "--out", folder / f"{name}_session", status=status)
+        return said, [] if status else [one.deviation for one in messages(folder / f"{name}_session")["touch_deviations"]]
+
+    _, wanted = imported("right", right, levels(contacts))
+    for name, samples, signal, says in [("stops", stops, levels(contacts), ""), ("bounces", right, bouncing, "within 4.7 ms at 10 of 10 contacts")]:
+        said, found = imported(name, samples, signal)
+        assert says in said and len(found) == len(wanted), said
+        for one, other in zip(found, wanted):
+            close(one, other, 0.1e-6)
+    said, _ = imported("doubled", doubled, levels(contacts), status=2)
+    assert "two nodes publish them" in said and said.count("\n") == 1, said
 
 
 @check

@@ -8,7 +8,7 @@ import pathlib
 
 import touches
 from check import ROOT, SCHEMAS, check, close, probecell
-from recorded import messages
+from kit.recordings import messages
 
 SAMPLES = ROOT / "bags" / "samples"
 DIAMETERS = {1, 2, 3}  # CYLINDER, BORE, SPHERE

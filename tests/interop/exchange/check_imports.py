@@ -5,7 +5,7 @@ import math
 import random
 
 from check import ROOT, SCHEMAS, answer, check, close, probecell
-from recorded import messages
+from kit.recordings import messages
 
 SAMPLES = SCHEMAS / "qif3" / "samples"
 SPACE = {"q": "http://qifstandards.org/xsd/qif3"}
@@ -248,14 +248,8 @@ def a_circular_test_shows_a_scale_that_differs(folder):
 @check
 def what_a_controller_printed_becomes_a_session(folder):
     """The touches of a sample as a FANUC program prints them (DPRNT, mm and degrees): the same sizes, with U and limits."""
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
     sample = ROOT / "bags" / "samples" / "punch.mcap"
-    held = {}
-    with open(sample, "rb") as stream:
-        for _, channel, _, message in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-            held.setdefault(channel.topic.rsplit("/", 1)[1], []).append(message)
+    held = messages(sample)
     plan = held["inspection_plan"][-1]
     events = [event for event in held["probe_events"] if event.plan_id == plan.plan_id]
     names = list(events[0].axis_names)

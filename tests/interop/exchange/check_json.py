@@ -5,7 +5,7 @@ import json
 import math
 
 from check import ROOT, answer, check, probecell
-from recorded import messages
+from kit.recordings import messages
 
 SAMPLES = ["ball_check", "guideway", "punch", "punch_uncalibrated"]
 

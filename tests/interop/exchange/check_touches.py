@@ -5,7 +5,7 @@ import re
 
 import touches
 from check import answer, check, close, probecell
-from recorded import messages
+from kit.recordings import messages
 
 TABLE = ["--columns", touches.COLUMNS, "--units", touches.UNITS]
 
@@ -128,9 +128,16 @@ def wrong_tables_are_refused_with_line_and_column(folder):
     table.write_text(good)
     _, said = probecell("import", "touches", table, "--columns", touches.COLUMNS, "--units", units, "--out", folder / "mm")
     assert "note: deviations are read in mm, the unit of length (--units deviation=um for another)" in said, said
-    table.write_bytes(good.encode() + "1,R\xfcckseite\n".encode("latin-1"))
+    # Other encodings are read, Latin-1 with a word.
+    named = good.replace("right", "R\xfcckseite")
+    for encoding, says in (("utf-16", ""), ("latin-1", "is not UTF-8: the file is read as Latin-1")):
+        table.write_bytes(named.encode(encoding))
+        _, said = probecell("import", "touches", table, *TABLE, "--out", folder / encoding)
+        assert says in said, said
+        assert "R\xfcckseite" in [one.id for one in messages(folder / encoding)["inspection_plan"][0].features]
+    table.write_bytes(named.encode("utf-16-le"))
     _, error = probecell("import", "touches", table, *TABLE, "--out", bag, status=2)
-    assert f"line {len(lines) + 1} is not UTF-8 text (iconv -f latin1" in error, error
+    assert "UTF-16 without its mark" in error, error
 
     # Row by row only when asked to: every row that is left out is named, and the status says it.
     table.write_text(spoiled(8, "NaN"))
@@ -162,13 +169,7 @@ def touches_by_axis_positions_give_the_cells_own_sizes(folder):
 
     root = pathlib.Path(__file__).resolve().parents[3]
     sample = root / "bags" / "samples" / "ball_check.mcap"
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
-    held = {}
-    with open(sample, "rb") as stream:
-        for _, channel, _, message in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-            held.setdefault(channel.topic.rsplit("/", 1)[1], []).append(message)
+    held = messages(sample)
     events = held["probe_events"]
     names = list(events[0].axis_names)
     rotary = {"A", "B", "C", "S"}

@@ -1,111 +1,49 @@
 #!/usr/bin/env python3
 """A driver that is not ours makes parts: end to end, with approval, STOP, and a restart; then its faults are found.
 
-    check.py PROBECELL [part|secured|conformance|zenoh|dds|cyclone|FAULT...]
+    check.py PROBECELL [over_zenoh|over_dds|part|secured|nobody|conformance|zenoh|dds|cyclone|FAULT...]
 
-Runs in a network namespace of its own (the router's port is taken). The driver is templates/driver.py, over eclipse-zenoh.
+`over_dds` stands for dds and cyclone, beside which nothing else should run; `over_zenoh` for all others. Each check has a network namespace of
+its own. The driver is templates/driver.py, over eclipse-zenoh.
 """
 
-import contextlib
 import json
-import os
 import pathlib
 import re
 import shutil
 import signal
 import subprocess
 import sys
-import tempfile
-import threading
-import time
 
 import faulty
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 HERE = pathlib.Path(__file__).resolve().parent
-PATIENCE = 120  # s
-
-
-def until(what, ready):
-    deadline = time.monotonic() + PATIENCE
-    while not (found := ready()):
-        assert time.monotonic() < deadline, f"{what}: not within {PATIENCE} s"
-        time.sleep(0.05)
-    return found
-
-
-class Process:
-    """A process whose lines are kept."""
-
-    def __init__(self, *words, folder):
-        self.process = subprocess.Popen(
-            [str(word) for word in words], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL, text=True, env=with_keys(folder),
-        )
-        self.lines, self.seen = [], 0
-        self.reader = threading.Thread(target=self._read, daemon=True)
-        self.reader.start()
-
-    def _read(self):
-        for line in self.process.stdout:
-            self.lines.append(line.rstrip("\n"))
-
-    def says(self, text):
-        """The next line that holds a text."""
-
-        def found():
-            while self.seen < len(self.lines):
-                self.seen += 1
-                if re.search(text, self.lines[self.seen - 1]):
-                    return self.lines[self.seen - 1]
-            assert self.process.poll() is None or self.reader.is_alive(), "\n".join(self.lines)
-            return None
-
-        try:
-            return until(text, found)
-        except AssertionError as error:
-            raise AssertionError(f"{error}\n" + "\n".join(self.lines)) from None
-
-    def end(self, how=signal.SIGTERM):
-        if self.process.poll() is None:
-            self.process.send_signal(how)
-        code = self.process.wait(PATIENCE)
-        self.reader.join(PATIENCE)
-        return code
-
-
-@contextlib.contextmanager
-def running(*words, folder):
-    process = Process(*words, folder=folder)
-    try:
-        yield process
-    finally:
-        process.end()
+sys.path.append(str(ROOT / "tests"))
+import kit  # noqa: E402
+from kit import Process, until  # noqa: E402
 
 
 def driver(folder, *more):
-    return running(sys.executable, ROOT / "templates" / "driver.py", *more, folder=folder)
+    return Process(sys.executable, ROOT / "templates" / "driver.py", *more, folder=folder)
 
 
 def driver_of_the_guide(folder):
     """The template with definitions and wire format taken from the guide, by the guide's own lines: a folder without ours."""
-    guide = (ROOT / "docs" / "driver-guide.md").read_text()
-    (folder / "driver-guide.md").write_text(guide)
-    split, module = re.findall(r"```python\n(.*?)```\n", guide, flags=re.DOTALL)
-    subprocess.run([sys.executable, "-c", split], cwd=folder, check=True)
+    guide = ROOT / "docs" / "driver"
+    for page in guide.glob("*.md"):
+        shutil.copy(page, folder)
+    code = re.compile(r"```python\n(.*?)```\n", flags=re.DOTALL)
+    (definitions,) = code.findall((guide / "order-and-plan.md").read_text())
+    (module,) = code.findall((guide / "zenoh.md").read_text())
+    subprocess.run([sys.executable, "-c", definitions], cwd=folder, check=True)
     (folder / "rmw_zenoh.py").write_text(module)
     shutil.copy(ROOT / "templates" / "driver.py", folder)
-    return running(sys.executable, folder / "driver.py", "--messages", folder / "messages", folder=folder)
-
-
-def with_keys(folder):
-    """Keys of operators and of the cell go into the folder of the check, as does the private socket of its router: an account of its own."""
-    return os.environ | {"XDG_CONFIG_HOME": str(folder / "config"), "XDG_STATE_HOME": str(folder / "state")}
+    return Process(sys.executable, folder / "driver.py", "--messages", folder / "messages", folder=folder)
 
 
 def asked(*words, folder):
-    told = subprocess.run([BINARY, *map(str, words)], cwd=folder, capture_output=True, text=True, timeout=PATIENCE, env=with_keys(folder))
-    return told.returncode, told.stdout, told.stderr
+    return kit.run(BINARY, *words, folder=folder)
 
 
 def own_cell(folder):
@@ -135,12 +73,13 @@ def a_part_with_approval(up, cell, folder, part):
     correction = re.search(r"probecell approve (\S+)", line).group(1)
     code, output, errors = asked("approve", correction, "--operator", "ada", "--cell", cell, folder=folder)
     assert code == 0, (output, errors)
-    up.says(f"part {part}: qualified")
+    line = up.says(f"part {part}: ")
+    assert f"part {part}: qualified" in line, up.output
 
 
 def parts_end_to_end(folder):
     cell = own_cell(folder)
-    with running(BINARY, "up", cell, folder=folder) as up:
+    with Process(BINARY, "up", cell, folder=folder) as up:
         code, output, errors = asked("key", "new", "ada", "--cell", cell, folder=folder)
         assert code == 0, (output, errors)
         up.says("waits for its external driver to publish /external/controller_status")
@@ -168,14 +107,14 @@ def parts_end_to_end(folder):
             assert told["external"] == (False, 1), told
         # One of another version is named, and nothing is made with it.
         words = (sys.executable, HERE / "faulty.py", "--fault", "other_version")
-        with running(*words, folder=folder):
+        with Process(*words, folder=folder):
             up.says("speaks another version: controller_replies is probecell_msgs/msg/ControllerReply RIHS01_")
         with driver_of_the_guide(folder):
             up.says("the external driver is there again")
             until("an idle machine", lambda: status(cell, folder)["machine"] == "idle")
             a_part_with_approval(up, cell, folder, "fourth")
             code = up.end(signal.SIGINT)
-            assert code == 0, (code, up.lines)
+            assert code == 0, (code, up.output)
     (bag,) = (folder / "recordings").glob("*")
     code, output, errors = asked("replay", bag, folder=folder)
     assert code == 0, (output, errors)
@@ -188,7 +127,7 @@ def a_secured_cell_knows_its_driver(folder):
     code, output, errors = asked("secure", cell, folder=folder)
     assert code == 0, (output, errors)
     (config,) = re.findall(r"ZENOH_SESSION_CONFIG_URI=(.*driver\.json5)", output)
-    with running(BINARY, "up", cell, folder=folder) as up:
+    with Process(BINARY, "up", cell, folder=folder) as up:
         up.says("waits for its external driver")
         # A stranger does not get in, whoever comes first.
         with driver(folder), driver(folder, "--config", config):
@@ -198,46 +137,38 @@ def a_secured_cell_knows_its_driver(folder):
         assert not any("2 drivers" in line for line in up.lines), up.lines
 
 
-def conformance(folder, *words, cell=None, cut=("--cut", "bore")):
+def conformance(folder, *words, cell=None, more=(), warns="attachment"):
     """Status and lines of the conformance command beside a driver."""
-    with running(sys.executable, *words, folder=folder) as process:
-        command = [BINARY, "conformance", "--cell", cell or own_cell(folder), *cut]
-        told = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE, env=with_keys(folder)
-        )
-        assert process.process.poll() is None, process.lines
-    assert not told.stderr or "attachment" in told.stderr, told.stderr
-    return told.returncode, told.stdout.splitlines()
+    with Process(*words, folder=folder) as process:
+        code, output, errors = kit.run(BINARY, "conformance", "--cell", cell or own_cell(folder), *more, folder=folder, seconds=240)
+        assert process.code is None, process.output
+    assert not errors or warns in errors, errors
+    return code, output.splitlines()
+
+
+CUT = ("--cut", "bore")
 
 
 def the_template_conforms(folder):
-    code, lines = conformance(folder, ROOT / "templates" / "driver.py")
+    code, lines = conformance(folder, sys.executable, ROOT / "templates" / "driver.py", more=CUT)
     assert code == 0 and not any(line.startswith("WRONG") for line in lines), (code, lines)
 
 
 def a_template_conforms(folder, name):
     """The one in Rust over Zenoh and over DDS, and the one in Python over Cyclone DDS."""
-    program = [pathlib.Path(BINARY).parent / "examples" / "driver_template"]
-    transport = "zenoh" if name == "zenoh" else "dds"
+    program = pathlib.Path(BINARY).parent / "examples" / "driver_template"
     cell = own_cell(folder)
-    cell.write_text(cell.read_text() + f'\n[bus]\ntransport = "{transport}"\n')
-    command = [BINARY, "conformance", "--cell", cell, "--cut", "bore", "--wait", "30"]
-    if transport == "dds":
-        words = [sys.executable, HERE / "cyclone.py"] if name == "cyclone" else [*program, "dds"]
-        with running(*words, folder=folder):
-            told = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE, env=with_keys(folder)
-        )
-    else:
+    cell.write_text(cell.read_text() + f'\n[bus]\ntransport = "{"zenoh" if name == "zenoh" else "dds"}"\n')
+    more = (*CUT, "--wait", round(kit.patience(30)))
+    if name == "zenoh":
         # It joins a router that is there.
-        with running(BINARY, "router", "--strangers", "write", folder=folder) as router:
+        with Process(BINARY, "router", "--strangers", "write", folder=folder) as router:
             router.says("listens on")
-            with running(*program, folder=folder):
-                told = subprocess.run(
-                    command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE, env=with_keys(folder)
-                )
-            assert router.process.poll() is None, router.lines
-    assert told.returncode == 0 and "WRONG" not in told.stdout, (told.stdout, told.stderr)
+            code, lines = conformance(folder, program, cell=cell, more=more, warns="decides by itself who may write")
+            assert router.code is None, router.output
+    else:
+        code, lines = conformance(folder, *([sys.executable, HERE / "cyclone.py"] if name == "cyclone" else [program, "dds"]), cell=cell, more=more)
+    assert code == 0 and not any("WRONG" in line for line in lines), (code, lines)
 
 
 def a_fault_is_named(folder, fault):
@@ -246,7 +177,7 @@ def a_fault_is_named(folder, fault):
     text = cell.read_text().replace(", [0.0, -25.0, 0.0]]", "]")
     text = text.replace("[0.0, 72.0, 144.0, 216.0, 288.0]", "[0.0, 120.0, 240.0]").replace("[-5.0, -10.0]", "[-5.0]")
     cell.write_text(text)
-    code, lines = conformance(folder, HERE / "faulty.py", "--fault", fault, cell=cell, cut=())
+    code, lines = conformance(folder, sys.executable, HERE / "faulty.py", "--fault", fault, cell=cell)
     wrong = [line for line in lines if line.startswith("WRONG")]
     named = [line for line in wrong if all(word in line for word in faulty.LINES[fault])]
     assert code == 1 and named, (fault, code, lines)
@@ -261,15 +192,12 @@ def nobody_is_there(folder):
 
 
 def main():
-    wanted = sys.argv[2:] or ["part", "secured", "conformance", "zenoh", "dds", "cyclone", *faulty.LINES]
-    for name in wanted:
-        checks = {"part": [parts_end_to_end], "conformance": [nobody_is_there, the_template_conforms]}
-        checks["secured"] = [a_secured_cell_knows_its_driver]
-        checks |= {one: [lambda folder: a_template_conforms(folder, name)] for one in ("zenoh", "dds", "cyclone")}
-        for check in checks.get(name, [lambda folder: a_fault_is_named(folder, name)]):
-            with tempfile.TemporaryDirectory() as folder:
-                check(pathlib.Path(folder))
-        print(f"{name}: good", flush=True)
+    checks = {"part": parts_end_to_end, "secured": a_secured_cell_knows_its_driver, "nobody": nobody_is_there, "conformance": the_template_conforms}
+    checks |= {one: lambda folder, name=one: a_template_conforms(folder, name) for one in ("zenoh", "dds", "cyclone")}
+    checks |= {one: lambda folder, fault=one: a_fault_is_named(folder, fault) for one in faulty.LINES}
+    over_dds = ["dds", "cyclone"]
+    groups = {"over_dds": over_dds, "over_zenoh": [one for one in checks if one not in over_dds]}
+    kit.main(checks, [one for word in sys.argv[2:] for one in groups.get(word, [word])])
 
 
 if __name__ == "__main__":

@@ -142,7 +142,7 @@ class FaultyDriver(Driver):
     def touch(self, move, latch):
         if self.fault == "done_too_early" and self.touches % len(self.order.order) == len(self.order.order) - 1:
             self.reply(self.command, DONE)
-            time.sleep(0.02)
+            time.sleep(0.02)  # the fault: the touch comes after the reply
         if self.fault == "latched_late" and latch:
             point = [dict(zip(self.order.axis_names, map(float, move.axis_positions)))[name] for name in self.machine.AXES]
             self.machine.position, latched = point, self.machine.position

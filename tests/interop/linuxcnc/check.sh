@@ -15,4 +15,4 @@ cleanup() {
 }
 trap cleanup EXIT INT TERM
 "$here/prepare.sh" "$scratch"
-timeout 600 "$target/release/examples/linuxcnc_check" "$scratch" "$here/start.sh" "$here/stop.sh"
+python3 "$here/../../kit" limit 600 -- "$target/release/examples/linuxcnc_check" "$scratch" "$here/start.sh" "$here/stop.sh"

@@ -8,5 +8,8 @@ mkdir -p "$scratch"
 if [ ! -f "$scratch/gen.py" ]; then
     cp -r "$shared/." "$scratch"
     chmod -R u+w "$scratch"
+    # The interpreter must see the queue of a move before it asks whether the queue is empty ("Queue is not empty after probing"):
+    # without a realtime kernel one servo period is too short for that.
+    sed -i 's/^CYCLE_TIME = 0.001$/CYCLE_TIME = 0.005/' "$scratch"/*.ini
     (cd "$scratch" && python3 gen.py)
 fi

@@ -1,24 +1,23 @@
 #!/usr/bin/env python3
-"""Runs a program on the LinuxCNC that listens on TCP 5007, as its operator would: run_program.py PROGRAM.
+"""Runs a program on the LinuxCNC that listens on TCP 5007, as its operator would: run_program.py PROGRAM LOG.
 
-The machine must be switched on and homed. Exit status 0 when the program has come to its end.
+The machine must be switched on and homed. Exit status 0 when the program has written the last line of its log and the interpreter is idle: one
+that is idle before may be between two lines.
 """
 
 import pathlib
 import socket
 import sys
-import time
 
-# Polls in a row, 50 ms apart, that show an idle interpreter at the end of a program. After a single one the log of a program once, in some
-# twenty runs, lacked its last three touches; why was not found.
-ENDED = 10
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[2]))
+import kit  # noqa: E402
 
 
 class Shell:
     """The remote shell: one request, its lines of answer."""
 
     def __init__(self):
-        self.socket = socket.create_connection(("127.0.0.1", 5007), timeout=5)
+        self.socket = socket.create_connection(("127.0.0.1", 5007), timeout=kit.patience(30))
         self.file = self.socket.makefile("r", newline="\n")
 
     def say(self, request):
@@ -32,7 +31,7 @@ class Shell:
 
 
 def main():
-    path = pathlib.Path(sys.argv[1]).resolve()
+    path, log = (pathlib.Path(one).resolve() for one in sys.argv[1:])
     shell = Shell()
     shell.say("hello EMC run_program 1.0")
     shell.socket.sendall(b"set echo off\r\nset verbose on\r\n")
@@ -43,17 +42,15 @@ def main():
         answer = shell.say(f"set {request}")
         if not answer.endswith("ACK"):
             raise SystemExit(f"{request}: {answer}")
-    deadline = time.monotonic() + 120
-    running, idle = False, 0
-    while time.monotonic() < deadline:
-        status = shell.say("get program_status").upper()
-        running = running or "RUNNING" in status
-        idle = idle + 1 if "IDLE" in status else 0
-        if running and idle == ENDED:
-            print(f"the interpreter is idle; its last error: {shell.say('get error')}")
-            return
-        time.sleep(0.05)
-    raise SystemExit("the program does not come to its end")
+
+    def ended():
+        lines = log.read_text().splitlines() if log.exists() else []
+        return lines and lines[-1].startswith("end ") and "IDLE" in shell.say("get program_status").upper()
+
+    try:
+        kit.until("the last line of the log", ended)
+    finally:
+        print(f"{shell.say('get program_status')}; the last error: {shell.say('get error')}")
 
 
 main()

@@ -25,14 +25,11 @@ fi
 cd "$scratch"
 setsid linuxcnc -r "$scratch/$ini" >"$scratch/linuxcnc.out" 2>&1 </dev/null &
 echo $! >"$scratch/linuxcnc.pid"
-for _ in $(seq 300); do
-    if listens; then
-        echo ready
-        exit 0
-    fi
-    if ! kill -0 "$(cat "$scratch/linuxcnc.pid")" 2>/dev/null; then break; fi
-    sleep 0.1
-done
+python3 "$here/../../kit" until 60 -- bash -c "(exec 3<>/dev/tcp/127.0.0.1/$port) || ! kill -0 $!" || true
+if listens; then
+    echo ready
+    exit 0
+fi
 echo "LinuxCNC did not start:" >&2
 tail -n 20 "$scratch/linuxcnc.out" >&2
 exit 1

@@ -15,6 +15,7 @@ cleanup() {
 trap cleanup EXIT INT TERM
 "$here/prepare.sh" "$scratch"
 cd "$scratch"
+export XDG_CONFIG_HOME="$scratch/config" XDG_STATE_HOME="$scratch/state"
 
 # The machine: X gathers speed with 120 mm/s² instead of 2000.
 python3 - omm3.ini <<'P'
@@ -53,7 +54,7 @@ P
 for pair in artefact=4 hx=25 hy=15 hz=10 cx=0 cy=0 cz=0 ball-r=3.0; do halcmd setp "ommprobe.0.${pair%%=*}" "${pair#*=}"; done
 measure() { # FILE: measures the box once and diagnoses the time of its moves
     local status=0
-    timeout 240 "$probecell" up time.toml --once >out.txt 2>&1 || status=$?
+    python3 "$here/../../kit" limit 240 -- "$probecell" up time.toml --once >out.txt 2>&1 || status=$?
     grep -q "width_x" out.txt || { echo "FAILED: no measurement (status $status)"; cat out.txt; exit 1; }
     local bag; bag=$(ls -td recordings/*/ | head -1)
     "$probecell" diagnose "$bag" --channel time

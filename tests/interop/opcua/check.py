@@ -4,7 +4,8 @@
     check.py PROBECELL FOLDER MODULES
 
 FOLDER holds probecell-opcua, MODULES those of npm. A part is made while both clients are subscribed: every figure they got, by
-event, by method and by reading, is the recording's; the types are those of the published nodesets. Run in a network namespace of its own.
+event, by method and by reading, is the recording's; the types are those of the published nodesets. The check has a network
+namespace of its own.
 """
 import asyncio
 import enum
@@ -17,8 +18,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
-import threading
 
 from asyncua import Client, ua
 from asyncua.ua import uaerrors
@@ -28,13 +27,12 @@ PROGRAM = pathlib.Path(sys.argv[1]).resolve()
 FOLDER, MODULES = (pathlib.Path(one).resolve() for one in sys.argv[2:4])
 HERE = pathlib.Path(__file__).resolve().parent
 NODESETS = ROOT.parent / "shared" / "data" / "schemas" / "opcua"
-sys.path[:0] = [str(ROOT / "tests" / "interop"), str(HERE)]
+sys.path[:0] = [str(ROOT / "tests"), str(HERE)]
+import kit  # noqa: E402
+from kit.recordings import messages  # noqa: E402
 from nodesets import compare  # noqa: E402
-from recorded import messages  # noqa: E402
 
-PATIENCE = 60  # s
-WORK = pathlib.Path(tempfile.mkdtemp())
-PATHS = {**os.environ, "PATH": f"{FOLDER}:{os.environ['PATH']}"}
+PATHS = {"PATH": f"{FOLDER}:{os.environ['PATH']}"}
 RESULT, MACHINERY, OWN = "http://opcfoundation.org/UA/Machinery/Result/", "http://opcfoundation.org/UA/Machinery/", "urn:probecell:opcua"
 STATUS = {0: "PASS", 1: "REWORK", 5: "SYSERROR", 6: "INDETERMINATE", 7: "SYSERROR"}  # by the verdict of a size; else FAIL
 EVALUATION = {"PASS": 1, "FAIL": 2, "REWORK": 2, "INDETERMINATE": 3, "SYSERROR": 0, "NOT_ANALYZED": 0}
@@ -44,15 +42,12 @@ DIAMETERS = (1, 2, 3)
 
 def serve(*arguments):
     """The server and its address."""
-    command = [PROGRAM, "opcua", "--listen", "127.0.0.1:0", *arguments]
-    process = subprocess.Popen(command, cwd=WORK, env=PATHS, stdout=subprocess.PIPE, text=True)
-    line = process.stdout.readline()
-    return process, re.fullmatch(r"OPC UA server of cell turn_mill: (opc\.tcp://127\.0\.0\.1:\d+/)\n", line).group(1)
+    process = kit.Process(PROGRAM, "opcua", "--listen", "127.0.0.1:0", *arguments, folder=WORK, environment=os.environ | PATHS, apart=True)
+    return process, re.fullmatch(r"OPC UA server of cell turn_mill: (opc\.tcp://127\.0\.0\.1:\d+/)\n", process.line()).group(1)
 
 
 def end(process):
-    process.send_signal(signal.SIGINT)
-    assert process.wait(timeout=PATIENCE) == 0
+    assert process.end(signal.SIGINT) == 0, process.errors
 
 
 # What the recording says
@@ -170,53 +165,39 @@ class Heard:
     """What a subscription brought, in order."""
 
     def __init__(self):
-        self.changed, self.states, self.events, self.sizes = asyncio.Event(), [], [], []
+        self.states, self.events, self.sizes = [], [], []
 
     def datachange_notification(self, node, value, _data):
         (self.states if "State" in str(node) else self.sizes).append(plain(value))
-        self.changed.set()
+        kit.happened()
 
     def event_notification(self, event):
         self.events.append(event)
-        self.changed.set()
+        kit.happened()
 
-    async def until(self, holds):
-        async with asyncio.timeout(PATIENCE):
-            while not holds():
-                self.changed.clear()
-                await self.changed.wait()
+    @staticmethod
+    async def until(holds):
+        await asyncio.to_thread(kit.until, "what asyncua hears", holds)
 
 
 class Node:
     """The client on node-opcua."""
 
     def __init__(self, url):
-        environment = {**os.environ, "NODE_PATH": str(MODULES), "XDG_CONFIG_HOME": str(WORK / "config")}
-        self.process = subprocess.Popen(["node", HERE / "client.cjs", url, "turn_mill"], env=environment, stdin=subprocess.PIPE,
-                                        stdout=subprocess.PIPE, text=True)
-        self.told, self.changed = [], threading.Condition()
-        self.reader = threading.Thread(target=self.read, daemon=True)
-        self.reader.start()
-
-    def read(self):
-        for line in self.process.stdout:
-            if line.startswith("{"):
-                one = json.loads(line)
-                with self.changed:
-                    self.told.append((one["kind"], pascal(one["value"])))
-                    self.changed.notify_all()
+        environment = os.environ | {"NODE_PATH": str(MODULES)}
+        self.process = kit.Process("node", HERE / "client.cjs", url, "turn_mill", environment=environment, stdin=subprocess.PIPE, apart=True)
 
     def of(self, kind):
-        return [value for one, value in self.told if one == kind]
+        told = [json.loads(line) for line in self.process.lines if line.startswith("{")]
+        return [pascal(one["value"]) for one in told if one["kind"] == kind]
 
     def wait(self, holds):
-        with self.changed:
-            assert self.changed.wait_for(lambda: holds(self), PATIENCE), self.told[-3:]
+        kit.until("what node-opcua tells", lambda: holds(self))
 
     def end(self):
-        self.process.stdin.close()
-        assert self.process.wait(timeout=PATIENCE) == 0
-        self.reader.join(PATIENCE)
+        self.process.process.stdin.close()
+        code, _, errors = self.process.ended()
+        assert code == 0, errors
         (last,) = self.of("end")
         return last
 
@@ -296,87 +277,82 @@ async def live():
     """A part while both clients listen; gives the recording."""
     process, url = serve("--cell", "launch-scripts/turn_mill.toml")
     node = Node(url)
-    try:
-        async with Client(url) as client:
-            await client.load_data_type_definitions()
-            reader = Reader(client, await client.get_namespace_array())
-            # Without a cell nothing is made up.
-            assert (await reader.latest())[2] == -1 and not await reader.list()
-            assert plain(await reader.node("MachineryItemState/CurrentState").read_value()) == "NotAvailable"
-            subscription, heard = await subscribe(reader)
-            await asyncio.to_thread(node.wait, lambda node: node.of("ready"))
-            (ready,) = node.of("ready")
-            assert ready["Namespaces"] == reader.addresses and ready["Early"][2] == -1, ready
-            made = await asyncio.to_thread(
-                subprocess.run, [PROGRAM, "up", "--once", "--no-dashboard"], cwd=WORK, timeout=300, capture_output=True, text=True)
-            print("  up:", made.returncode, made.stdout.strip().splitlines()[-1:], flush=True)
-            await heard.until(lambda: len(heard.states) > 1 and heard.states[-1] == "NotAvailable")
-            await asyncio.to_thread(node.wait, lambda node: node.of("state")[-1] == "NotAvailable")
-            (recording,) = (WORK / "recordings").iterdir()
-            found = messages(recording)
-            wanted = expected(found)
-            plans = [one.plan_id for one in found["pass_decisions"]]
-            assert len(plans) == len(set(plans)) == len(wanted) >= 2
-            # By events, each once, in the order of the decisions.
-            mine = [plain(one.Result) for one in heard.events]
-            theirs = [one["Whole"] for one in node.of("event")]
-            for told in (mine, theirs):
-                got = [check_result(one, found, wanted, False) for one in told]
-                assert got == plans, (got, plans)
-            for one in node.of("event"):
-                assert one["Meta"] == one["Whole"]["ResultMetaData"] and one["EventType"] == f"ns={reader.addresses.index(OWN)};i=1001"
-            # By methods.
-            identifiers = await reader.list()
-            assert await reader.list(most=1) == identifiers[:1]
-            results = [await reader.by_id(one) for one in identifiers]
-            last = node.end()
-            assert last["Ids"] == identifiers and [(handle, error) for handle, _, error in results] == [(0, 0)] * len(results)
-            for (_, mine, _), identifier in zip(results, identifiers):
-                plan = check_result(mine, found, wanted, True)
-                assert mine["ResultMetaData"]["ResultId"] == identifier and plan in identifier
-                # The names of ids are values: they have kept their letters.
-                theirs = next(one for name, one in last["Results"].items() if name.lower() == identifier.lower())
-                check_result(theirs[1], found, wanted, True)
-            assert (await reader.latest())[1] == results[0][1]
-            assert last["Latest"][1]["ResultMetaData"]["ResultId"] == identifiers[0]
-            assert (await reader.by_id("nobody"))[2] == last["Unknown"][2] == -1
-            assert last["Machines"] == ["turn_mill"]
-            assert last["Written"] in ("BadNotWritable", "BadUserAccessDenied"), last["Written"]
-            assert last["Foreign"] in ("BadMethodInvalid", "BadNodeIdInvalid"), last["Foreign"]
-            # By reading.
-            newest = wanted[plans[-1]]
-            names = {(await one.read_browse_name()).Name for one in await reader.node("Characteristics").get_children()}
-            assert names == newest.keys()
-            for name, each in newest.items():
-                same({member: plain(await reader.node(f"Characteristics/{name}/{member}").read_value()) for member in each}, each)
-            report = found["gap_report"][-1]
-            top = report.effects[0] if report.effects else None
-            members = ("PlanIdentifier", "Verdict", "Rms", "NoiseFloor", "Causes")
-            gap = {member: plain(await reader.node(f"Gap/{member}").read_value()) for member in members}
-            check_gap(gap, report)
-            check_gap({**gap, "Causes": last["Gap"]["Causes"], "Verdict": last["Gap"]["Verdict"]}, report)
-            if top:
-                assert plain(await reader.node("Gap/Rivals").read_value()) == last["Gap"]["Rivals"] == list(top.indistinguishable_from)
-                assert (last["Gap"]["Cause"], last["Gap"]["Probability"]) == (top.effect, top.probability)
-            assert "Executing" in heard.states and "NotExecuting" in heard.states and heard.states[0] == "NotAvailable", heard.states
-            assert node.of("state")[0] == "NotAvailable" and set(node.of("state")) == set(heard.states)
-            # What could not be decided is told so.
-            statuses = {one["Status"] for every in wanted.values() for one in every.values()}
-            decided = {one.verdict for one in found["verdicts"]}
-            assert 6 in decided and "INDETERMINATE" in statuses and whole(newest) == 3, (decided, statuses, whole(newest))
-            units = await reader.node("Characteristics/D1/ResultValue/EngineeringUnits").read_value()
-            assert (units.UnitId, units.DisplayName.Text) == (int.from_bytes(b"MTR", "big"), "m")
-            await refusals(reader)
-            await published(client)
-            await subscription.delete()
-            print(f"  {len(plans)} measurements, {sum(map(len, wanted.values()))} characteristics, {len(heard.states)} states, "
-                  f"gap {GAPS[report.verdict]} {top.effect if top else ''}", flush=True)
-            results = [mine for _, mine, _ in results]
-        end(process)
-        return recording, identifiers, results
-    finally:
-        node.process.kill()
-        process.kill()
+    async with Client(url) as client:
+        await client.load_data_type_definitions()
+        reader = Reader(client, await client.get_namespace_array())
+        # Without a cell nothing is made up.
+        assert (await reader.latest())[2] == -1 and not await reader.list()
+        assert plain(await reader.node("MachineryItemState/CurrentState").read_value()) == "NotAvailable"
+        subscription, heard = await subscribe(reader)
+        await asyncio.to_thread(node.wait, lambda node: node.of("ready"))
+        (ready,) = node.of("ready")
+        assert ready["Namespaces"] == reader.addresses and ready["Early"][2] == -1, ready
+        code, output, errors = await asyncio.to_thread(kit.run, PROGRAM, "up", "--once", "--no-dashboard", folder=WORK)
+        print("  up:", code, output.strip().splitlines()[-1:], flush=True)
+        await heard.until(lambda: len(heard.states) > 1 and heard.states[-1] == "NotAvailable")
+        await asyncio.to_thread(node.wait, lambda node: node.of("state")[-1] == "NotAvailable")
+        (recording,) = (WORK / "recordings").iterdir()
+        found = messages(recording)
+        wanted = expected(found)
+        plans = [one.plan_id for one in found["pass_decisions"]]
+        assert len(plans) == len(set(plans)) == len(wanted) >= 2
+        # By events, each once, in the order of the decisions.
+        mine = [plain(one.Result) for one in heard.events]
+        theirs = [one["Whole"] for one in node.of("event")]
+        for told in (mine, theirs):
+            got = [check_result(one, found, wanted, False) for one in told]
+            assert got == plans, (got, plans)
+        for one in node.of("event"):
+            assert one["Meta"] == one["Whole"]["ResultMetaData"] and one["EventType"] == f"ns={reader.addresses.index(OWN)};i=1001"
+        # By methods.
+        identifiers = await reader.list()
+        assert await reader.list(most=1) == identifiers[:1]
+        results = [await reader.by_id(one) for one in identifiers]
+        last = node.end()
+        assert last["Ids"] == identifiers and [(handle, error) for handle, _, error in results] == [(0, 0)] * len(results)
+        for (_, mine, _), identifier in zip(results, identifiers):
+            plan = check_result(mine, found, wanted, True)
+            assert mine["ResultMetaData"]["ResultId"] == identifier and plan in identifier
+            # The names of ids are values: they have kept their letters.
+            theirs = next(one for name, one in last["Results"].items() if name.lower() == identifier.lower())
+            check_result(theirs[1], found, wanted, True)
+        assert (await reader.latest())[1] == results[0][1]
+        assert last["Latest"][1]["ResultMetaData"]["ResultId"] == identifiers[0]
+        assert (await reader.by_id("nobody"))[2] == last["Unknown"][2] == -1
+        assert last["Machines"] == ["turn_mill"]
+        assert last["Written"] in ("BadNotWritable", "BadUserAccessDenied"), last["Written"]
+        assert last["Foreign"] in ("BadMethodInvalid", "BadNodeIdInvalid"), last["Foreign"]
+        # By reading.
+        newest = wanted[plans[-1]]
+        names = {(await one.read_browse_name()).Name for one in await reader.node("Characteristics").get_children()}
+        assert names == newest.keys()
+        for name, each in newest.items():
+            same({member: plain(await reader.node(f"Characteristics/{name}/{member}").read_value()) for member in each}, each)
+        report = found["gap_report"][-1]
+        top = report.effects[0] if report.effects else None
+        members = ("PlanIdentifier", "Verdict", "Rms", "NoiseFloor", "Causes")
+        gap = {member: plain(await reader.node(f"Gap/{member}").read_value()) for member in members}
+        check_gap(gap, report)
+        check_gap({**gap, "Causes": last["Gap"]["Causes"], "Verdict": last["Gap"]["Verdict"]}, report)
+        if top:
+            assert plain(await reader.node("Gap/Rivals").read_value()) == last["Gap"]["Rivals"] == list(top.indistinguishable_from)
+            assert (last["Gap"]["Cause"], last["Gap"]["Probability"]) == (top.effect, top.probability)
+        assert "Executing" in heard.states and "NotExecuting" in heard.states and heard.states[0] == "NotAvailable", heard.states
+        assert node.of("state")[0] == "NotAvailable" and set(node.of("state")) == set(heard.states)
+        # What could not be decided is told so.
+        statuses = {one["Status"] for every in wanted.values() for one in every.values()}
+        decided = {one.verdict for one in found["verdicts"]}
+        assert 6 in decided and "INDETERMINATE" in statuses and whole(newest) == 3, (decided, statuses, whole(newest))
+        units = await reader.node("Characteristics/D1/ResultValue/EngineeringUnits").read_value()
+        assert (units.UnitId, units.DisplayName.Text) == (int.from_bytes(b"MTR", "big"), "m")
+        await refusals(reader)
+        await published(client)
+        await subscription.delete()
+        print(f"  {len(plans)} measurements, {sum(map(len, wanted.values()))} characteristics, {len(heard.states)} states, "
+              f"gap {GAPS[report.verdict]} {top.effect if top else ''}", flush=True)
+        results = [mine for _, mine, _ in results]
+    end(process)
+    return recording, identifiers, results
 
 
 async def published(client):
@@ -392,25 +368,19 @@ async def published(client):
 async def recorded(recording, identifiers, results):
     """The recording served: what the live cell had told. And a sample whose last measurement conforms."""
     process, url = serve("--bag", recording)
-    try:
-        async with Client(url) as client:
-            await client.load_data_type_definitions()
-            reader = Reader(client, await client.get_namespace_array())
-            assert await reader.list() == identifiers
-            for identifier, result in zip(identifiers, results):
-                assert (await reader.by_id(identifier))[1] == result
-        end(process)
-    finally:
-        process.kill()
+    async with Client(url) as client:
+        await client.load_data_type_definitions()
+        reader = Reader(client, await client.get_namespace_array())
+        assert await reader.list() == identifiers
+        for identifier, result in zip(identifiers, results):
+            assert (await reader.by_id(identifier))[1] == result
+    end(process)
     process, url = serve("--bag", ROOT / "bags" / "samples" / "punch.mcap")
-    try:
-        async with Client(url) as client:
-            await client.load_data_type_definitions()
-            reader = Reader(client, await client.get_namespace_array())
-            assert (await reader.latest())[1]["ResultMetaData"]["ResultEvaluation"] == 1
-        end(process)
-    finally:
-        process.kill()
+    async with Client(url) as client:
+        await client.load_data_type_definitions()
+        reader = Reader(client, await client.get_namespace_array())
+        assert (await reader.latest())[1]["ResultMetaData"]["ResultEvaluation"] == 1
+    end(process)
 
 
 def bad_input(url):
@@ -420,18 +390,19 @@ def bad_input(url):
         (["--cell", "nothing.toml"], "nothing.toml"), (["--bag", "a", "--cell", "b"], "cannot be used with"),
         (["--listen", f"127.0.0.1:{port}", "--cell", "launch-scripts/turn_mill.toml"], "cannot listen on"),
     ]:
-        told = subprocess.run([PROGRAM, "opcua", *arguments], cwd=WORK, env=PATHS, capture_output=True, text=True, timeout=PATIENCE)
-        assert told.returncode == 2 and words in told.stderr, (arguments, told)
-        assert told.stderr.count("\n") == 1 or "Usage" in told.stderr or "--help" in told.stderr, told.stderr
-    told = subprocess.run([PROGRAM, "opcua", "--bag", ROOT / "bags/samples/punch.mcap"], cwd=WORK, env={**PATHS, "PATH": "/usr/bin"},
-                          capture_output=True, text=True, timeout=PATIENCE)
-    assert told.returncode == 2 and "is neither in the folder of this program nor on PATH" in told.stderr, told
+        code, _, errors = kit.run(PROGRAM, "opcua", *arguments, folder=WORK, environment=os.environ | PATHS)
+        assert code == 2 and words in errors, (arguments, code, errors)
+        assert errors.count("\n") == 1 or "Usage" in errors or "--help" in errors, errors
+    nowhere, alone = os.environ | {"PATH": "/usr/bin"}, shutil.copy(PROGRAM, WORK)
+    code, _, errors = kit.run(alone, "opcua", "--bag", ROOT / "bags/samples/punch.mcap", folder=WORK, environment=nowhere)
+    assert code == 2 and "is neither in the folder of this program nor on PATH: `cargo build --release -p probecell_opcua`" in errors, errors
     # Beyond loopback only by the option that names the reason.
-    told = subprocess.run([PROGRAM, "opcua", "--help"], capture_output=True, text=True, timeout=PATIENCE)
-    assert "RUSTSEC-2023-0071" in told.stdout
+    assert "RUSTSEC-2023-0071" in kit.run(PROGRAM, "opcua", "--help")[1]
 
 
-def main():
+def main(folder):
+    global WORK
+    WORK = folder
     (WORK / "launch-scripts").mkdir()
     for name in ("turn_mill.toml", "turn_mill.urdf"):
         shutil.copy(ROOT / "launch-scripts" / name, WORK / "launch-scripts")
@@ -444,12 +415,8 @@ def main():
     cell.write_text(text, encoding="utf-8")
     asyncio.run(recorded(*asyncio.run(live())))
     process, url = serve("--cell", "launch-scripts/turn_mill.toml")
-    try:
-        bad_input(url)
-        end(process)
-    finally:
-        process.kill()
-    shutil.rmtree(WORK)
+    bad_input(url)
+    end(process)
 
 
-main()
+kit.main({"OPC UA": main})

@@ -12,29 +12,29 @@ from touch to touch and know of no collision. Needs numpy and mcap-ros2-support.
 import dataclasses
 import json
 import pathlib
-import subprocess
 import sys
 import tomllib
 
 import numpy
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 
 import checker
+
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[2]))
+import kit  # noqa: E402
+from kit.recordings import decoded  # noqa: E402
 
 
 def recorded(path):
     """Plan, URDF and touches (the first of each point) of a bag."""
     plan, urdf, touches = None, None, {}
-    with open(path, "rb") as stream:
-        for _, channel, _, message in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-            topic = channel.topic.rsplit("/", 1)[-1]
-            if topic == "inspection_plan":
-                plan = plan or checker.Plan.of(message)
-            elif topic == "robot_description":
-                urdf = urdf or message.data
-            elif topic == "probe_events":
-                touches.setdefault(message.point_index, dict(zip(message.axis_names, message.axis_positions)))
+    for channel, _, message in decoded(path):
+        topic = channel.topic.rsplit("/", 1)[-1]
+        if topic == "inspection_plan":
+            plan = plan or checker.Plan.of(message)
+        elif topic == "robot_description":
+            urdf = urdf or message.data
+        elif topic == "probe_events":
+            touches.setdefault(message.point_index, dict(zip(message.axis_names, message.axis_positions)))
     return plan, urdf, touches
 
 
@@ -67,10 +67,10 @@ def recorded_touches(plan, machine, names, positions, points):
 
 
 def check(probecell, path):
-    answer = subprocess.run([probecell, "plan", str(path), "--json"], capture_output=True, text=True)
-    if answer.returncode != 0:
-        return [f"no plan: {answer.stderr.strip()}"], ""
-    order = json.loads(answer.stdout)
+    code, output, errors = kit.run(probecell, "plan", path, "--json", seconds=300)
+    if code != 0:
+        return [f"no plan: {errors.strip()}"], ""
+    order = json.loads(output)
     names, given, told = order["axis_names"], None, ""
     if path.suffix == ".toml":
         plan, urdf = of_cell(path, order)

@@ -3,23 +3,21 @@
 
     check.py PROBECELL [part|zero|time]...
 
-Runs in a network namespace of its own (the router's port is taken). What was planted in the robot is compared with what the cell says.
+Each check has a network namespace of its own. What was planted in the robot is compared with what the cell says.
 """
 import json
 import math
 import pathlib
 import re
 import shutil
-import subprocess
 import sys
-import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
-sys.path[:0] = [str(ROOT / "tests" / "interop" / "external")]
-import check as external  # noqa: E402
+sys.path.append(str(ROOT / "tests"))
+import kit  # noqa: E402
+from kit.recordings import decoded  # noqa: E402
 
-running, asked = external.running, external.asked
-external.PATIENCE = 400  # s; a part of a robot takes its time
+LONGEST = 400  # s; a part of a robot takes its time
 ROBOT = pathlib.Path(__file__).resolve().parent / "robot.py"
 PROGRAM = """
 [ros2.program]
@@ -51,18 +49,21 @@ def cell_of(folder, name, contact, change=lambda text: text):
 
 
 def robot(folder, cell, *more):
-    return running(sys.executable, "-B", ROBOT, cell, *more, folder=folder)
+    return kit.Process(sys.executable, "-B", ROBOT, cell, *more, folder=folder)
+
+
+def asked(*words, folder):
+    return kit.run(BINARY, *words, folder=folder, seconds=LONGEST)
 
 
 def made(folder, cell, *more):
     """One part by `up --once`: exit status, output and recording."""
     before = set((folder / "recordings").glob("*"))
     with robot(folder, cell, *more) as peer:
-        told = subprocess.run([BINARY, "up", cell, "--once"], cwd=folder, capture_output=True, text=True, timeout=external.PATIENCE,
-                              env=external.with_keys(folder))
-        assert peer.process.poll() is None, "\n".join(peer.lines)
+        code, output, errors = asked("up", cell, "--once", folder=folder)
+        assert peer.code is None, peer.output
     (bag,) = set((folder / "recordings").glob("*")) - before
-    return told.returncode, told.stdout + told.stderr, bag
+    return code, output + errors, bag
 
 
 def a_part_is_made_and_corrected(folder):
@@ -83,17 +84,12 @@ def a_part_is_made_and_corrected(folder):
 
 def sizes(bag):
     """Standard uncertainty of each size, and deviations of the touches, m."""
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
     uncertain, deviations = {}, []
-    for file in sorted(bag.glob("*.mcap")):
-        with open(file, "rb") as stream:
-            for _, channel, _, message in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-                if channel.topic.endswith("/feature_results"):
-                    uncertain[message.feature_id] = message.standard_uncertainty
-                elif channel.topic.endswith("/touch_deviations"):
-                    deviations.append(message.deviation)
+    for channel, _, message in decoded(bag):
+        if channel.topic.endswith("/feature_results"):
+            uncertain[message.feature_id] = message.standard_uncertainty
+        elif channel.topic.endswith("/touch_deviations"):
+            deviations.append(message.deviation)
     return uncertain, deviations
 
 
@@ -141,12 +137,5 @@ def a_planted_zero_is_found(folder):
 
 if __name__ == "__main__":
     BINARY = pathlib.Path(sys.argv[1]).resolve()
-    external.BINARY = BINARY
-    CHECKS = {
-        "part": a_part_is_made_and_corrected, "zero": a_planted_zero_is_found, "time": u_grows_with_the_error_of_the_contacts_time,
-    }
-    for name in sys.argv[2:] or CHECKS:
-        with tempfile.TemporaryDirectory() as folder:
-            print(f"{name}: {CHECKS[name].__doc__.splitlines()[0]}", flush=True)
-            CHECKS[name](pathlib.Path(folder))
+    kit.main({"part": a_part_is_made_and_corrected, "zero": a_planted_zero_is_found, "time": u_grows_with_the_error_of_the_contacts_time}, sys.argv[2:])
     print("robot on ROS 2: all good")

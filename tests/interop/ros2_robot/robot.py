@@ -207,6 +207,7 @@ class Robot:
         self.goal, self.path, self.begun, self.results, self.waiting = None, None, 0.0, {}, {}
         self.parameters = {"tool_1_wear": 0.0, "work_offset_x": 0.0, "work_offset_y": 0.0, "work_offset_z": 0.0, "run_id": ""}
         self.run_cut, self.cutting, self.tripped, self.extra, self.trips, self.ended = None, None, False, self.error(), [], False
+        self.shown = False  # the level as it was published, late
         node, message = self.node, "control_msgs/msg/"
         self.joints = node.publisher("/joint_states", "sensor_msgs::msg::dds_::JointState_", "::,10:,:,:,,", "sensor_msgs/msg/JointState")
         self.contact = node.publisher("/contact", "std_msgs::msg::dds_::Bool_", "::,10:,:,:,,", "std_msgs/msg/Bool")
@@ -310,15 +311,17 @@ class Robot:
                 if self.options.latched:
                     self.state(self.latched, high, self.place(high))
                 late = max(0.0, self.options.delay + self.random.normal(0.0, self.options.jitter))
-                self.trips.append((now, high + late))
+                self.trips.append(high + late)
             self.position = position
         if self.tripped and self.clearance(self.position) > 0.1e-3:
             self.tripped, self.extra = False, self.error()
+            self.shown = False
             self.contact(now, data=False)
         self.state(self.joints, now, self.position)
-        for _, at in self.trips:
+        for at in [one for one in self.trips if one <= now]:
+            self.shown = True
             self.contact(at, data=True)
-        self.trips.clear()
+        self.trips = [one for one in self.trips if one > now]
         if arrived and self.goal:
             self.end(STATUS_SUCCEEDED)
 
@@ -338,9 +341,9 @@ class Robot:
             if self.cutting and now > self.cutting[1]:
                 self.cut()
             if next(beat) % 50 == 0:
-                self.contact(now, data=self.tripped)
+                self.contact(now, data=self.shown)
             before = now
-            time.sleep(max(0.0, now + PERIOD - time.time()))
+            time.sleep(max(0.0, now + PERIOD - time.time()))  # its clock, not a wait
         sys.stdout.flush()
         os._exit(0)  # its router may be gone already, which a session would wait for
 

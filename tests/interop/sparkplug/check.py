@@ -4,14 +4,12 @@ of pysparkplug. Each figure equals the recording's.
 
     check.py PROBECELL
 
-A part is made while a host listens. Run in a network namespace of its own.
+A part is made while a host listens. The check has a network namespace of its own.
 """
 import pathlib
 import shutil
 import signal
-import subprocess
 import sys
-import tempfile
 import threading
 import time
 
@@ -20,12 +18,11 @@ from pysparkplug._protobuf import Payload
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 PROGRAM = pathlib.Path(sys.argv[1]).resolve()
-sys.path[:0] = [str(ROOT / "tests" / "interop")]
-from recorded import messages  # noqa: E402
+sys.path.append(str(ROOT / "tests"))
+import kit  # noqa: E402
+from kit.recordings import messages  # noqa: E402
 
-PORT = 18830
-PATIENCE = 60  # s
-WORK = pathlib.Path(tempfile.mkdtemp())
+PORT = kit.free_port()
 HELD = {8: "long_value", 10: "double_value", 11: "boolean_value", 12: "string_value"}
 STATUS = {0: "PASS", 1: "REWORK", 5: "SYSERROR", 6: "INDETERMINATE", 7: "SYSERROR"}  # by the verdict of a size; else FAIL
 
@@ -34,7 +31,7 @@ class Host:
     """Every message of the group, in order."""
 
     def __init__(self):
-        self.changed, self.heard = threading.Condition(), []
+        self.changed, self.heard = threading.Lock(), []
         self.client = mqtt.Client(client_id="host")
         self.client.on_connect = self.connected
         self.connections = 0
@@ -46,13 +43,13 @@ class Host:
         client.subscribe("spBv1.0/shop/#", 1)
         with self.changed:
             self.connections += 1
-            self.changed.notify_all()
+        kit.happened()
 
     def take(self, _client, _data, message):
         assert not message.retain
         with self.changed:
             self.heard.append((message.topic, Payload.FromString(message.payload)))
-            self.changed.notify_all()
+        kit.happened()
 
     def wait(self, kind, begin=0):
         """Number and payload of the first message of that type from that number on."""
@@ -60,9 +57,7 @@ class Host:
             places = range(begin, len(self.heard))
             return next(((one, self.heard[one][1]) for one in places if self.heard[one][0].split("/")[2] == kind), None)
 
-        with self.changed:
-            assert self.changed.wait_for(found, PATIENCE), f"{kind}: not within {PATIENCE} s"
-            return found()
+        return kit.until(kind, found)
 
     def rebirth(self):
         payload = Payload()
@@ -88,18 +83,16 @@ def units(payload):
 
 
 def edge():
-    process = subprocess.Popen(
-        [PROGRAM, "sparkplug", "--broker", f"127.0.0.1:{PORT}", "--group", "shop", "--cell", "launch-scripts/turn_mill.toml"],
-        cwd=WORK, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    process = kit.Process(
+        PROGRAM, "sparkplug", "--broker", f"127.0.0.1:{PORT}", "--group", "shop", "--cell", "launch-scripts/turn_mill.toml", folder=WORK, apart=True,
     )
-    assert process.stdout.readline().startswith("Sparkplug edge node turn_mill of group shop")
+    assert process.line().startswith("Sparkplug edge node turn_mill of group shop"), process.errors
     return process
 
 
 def broker():
-    process = subprocess.Popen(["/usr/sbin/mosquitto", "-c", "mosquitto.conf"], cwd=WORK, stderr=subprocess.PIPE, text=True)
-    assert any("running" in line for line in process.stderr), "mosquitto does not run"
-    threading.Thread(target=process.stderr.read, daemon=True).start()
+    process = kit.Process("/usr/sbin/mosquitto", "-c", "mosquitto.conf", folder=WORK)
+    process.says("running")
     return process
 
 
@@ -173,7 +166,9 @@ def figures_equal(heard, found):
     print(f"  {len(results)} sizes, {len(told)} temperatures, gap {last['gap/verdict']} {last['gap/cause']}", flush=True)
 
 
-def main():
+def main(folder):
+    global WORK
+    WORK = folder
     (WORK / "launch-scripts").mkdir()
     for name in ("turn_mill.toml", "turn_mill.urdf"):
         shutil.copy(ROOT / "launch-scripts" / name, WORK / "launch-scripts")
@@ -181,54 +176,46 @@ def main():
     mosquitto = broker()
     host = Host()
     process = edge()
-    try:
-        # Without a cell there is a node, and no device.
-        birth, payload = host.wait("NBIRTH")
-        assert (birth, values(payload)["bdSeq"], values(payload)["Node Control/Rebirth"]) == (0, 0, False)
-        made = subprocess.run([PROGRAM, "up", "--once", "--no-dashboard"], cwd=WORK, timeout=300, capture_output=True, text=True)
-        assert made.returncode == 0, made.stderr
-        death, _ = host.wait("DDEATH")
-        heard = host.heard[: death + 1]
-        assert {topic.split("/")[2] for topic, _ in heard} == {"NBIRTH", "DBIRTH", "DDATA", "DDEATH"}
-        rules_hold(heard)
-        (recording,) = (WORK / "recordings").iterdir()
-        figures_equal(heard, messages(recording))
-        # A host asks for births; the device is not there to be born.
-        host.rebirth()
-        birth, payload = host.wait("NBIRTH", death)
-        assert values(payload)["bdSeq"] == 0
-        # The broker speaks for a process that was killed.
-        process.kill()
-        gone, payload = host.wait("NDEATH", birth)
-        assert values(payload) == {"bdSeq": 0}
-        process = edge()
-        begin, payload = host.wait("NBIRTH", gone)
-        assert values(payload)["bdSeq"] == 0
-        # A broker that goes and returns meets the next connection.
-        mosquitto.terminate()
-        mosquitto.wait()
-        connections = host.connections
-        mosquitto = broker()
-        with host.changed:
-            assert host.changed.wait_for(lambda: host.connections > connections, PATIENCE)
-        # Whichever of the two connects first, the host is told.
-        host.rebirth()
-        begin, payload = host.wait("NBIRTH", begin + 1)
-        assert values(payload)["bdSeq"] >= 1
-        number = values(payload)["bdSeq"]
-        process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=PATIENCE) == 0
-        gone, payload = host.wait("NDEATH", begin)
-        assert values(payload) == {"bdSeq": number}
-    finally:
-        process.kill()
-        mosquitto.kill()
+    # Without a cell there is a node, and no device.
+    birth, payload = host.wait("NBIRTH")
+    assert (birth, values(payload)["bdSeq"], values(payload)["Node Control/Rebirth"]) == (0, 0, False)
+    code, _, errors = kit.run(PROGRAM, "up", "--once", "--no-dashboard", folder=WORK)
+    assert code == 0, errors
+    death, _ = host.wait("DDEATH")
+    heard = host.heard[: death + 1]
+    assert {topic.split("/")[2] for topic, _ in heard} == {"NBIRTH", "DBIRTH", "DDATA", "DDEATH"}
+    rules_hold(heard)
+    (recording,) = (WORK / "recordings").iterdir()
+    figures_equal(heard, messages(recording))
+    # A host asks for births; the device is not there to be born.
+    host.rebirth()
+    birth, payload = host.wait("NBIRTH", death)
+    assert values(payload)["bdSeq"] == 0
+    # The broker speaks for a process that was killed.
+    process.kill()
+    gone, payload = host.wait("NDEATH", birth)
+    assert values(payload) == {"bdSeq": 0}
+    process = edge()
+    begin, payload = host.wait("NBIRTH", gone)
+    assert values(payload)["bdSeq"] == 0
+    # A broker that goes and returns meets the next connection.
+    mosquitto.end()
+    connections = host.connections
+    mosquitto = broker()
+    kit.until("the host at the broker", lambda: host.connections > connections)
+    # Whichever of the two connects first, the host is told.
+    host.rebirth()
+    begin, payload = host.wait("NBIRTH", begin + 1)
+    assert values(payload)["bdSeq"] >= 1
+    number = values(payload)["bdSeq"]
+    assert process.end(signal.SIGINT) == 0
+    gone, payload = host.wait("NDEATH", begin)
+    assert values(payload) == {"bdSeq": number}
     for arguments, words in [
         (["--broker", "nowhere"], "expected HOST:PORT"), (["--group", "a/b"], "must not contain"), (["--user", "u"], "--password-file"),
     ]:
-        told = subprocess.run([PROGRAM, "sparkplug", "--cell", "launch-scripts/turn_mill.toml", *arguments], cwd=WORK, capture_output=True, text=True)
-        assert told.returncode == 2 and words in told.stderr, told
-    shutil.rmtree(WORK)
+        code, _, errors = kit.run(PROGRAM, "sparkplug", "--cell", "launch-scripts/turn_mill.toml", *arguments, folder=WORK)
+        assert code == 2 and words in errors, (code, errors)
 
 
-main()
+kit.main({"sparkplug": main})

@@ -11,18 +11,17 @@ import csv
 import io
 import pathlib
 import shutil
-import subprocess
 import sys
-import tempfile
 
 import numpy
 from scipy.optimize import least_squares, linprog
 from scipy.spatial.transform import Rotation
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
-sys.path[:0] = [str(ROOT / "tests" / "interop"), str(ROOT / "tests" / "interop" / "plans")]
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "interop" / "plans")]
+import kit  # noqa: E402
 from checker import Machine, Plan  # noqa: E402
-from recorded import messages  # noqa: E402
+from kit.recordings import messages  # noqa: E402
 
 PROGRAM = pathlib.Path(sys.argv[1]).resolve()
 SAME = 2e-9  # m
@@ -196,8 +195,8 @@ touch_points_mm = [[-25.0, 30.0, -8.0], [25.0, 30.0, -8.0], [0.0, 30.0, -16.0], 
 
 
 def run(folder, cell):
-    told = subprocess.run([PROGRAM, "up", cell, "--once"], cwd=folder, capture_output=True, text=True, timeout=300)
-    return told.returncode, told.stdout + told.stderr
+    code, output, errors = kit.run(PROGRAM, "up", cell, "--once", folder=folder, seconds=300)
+    return code, output + errors
 
 
 def check_values(bag):
@@ -228,9 +227,9 @@ def check_values(bag):
 
 def check_outputs(folder, bag):
     def out(*words):
-        told = subprocess.run([PROGRAM, *map(str, words)], cwd=folder, capture_output=True, text=True, timeout=300)
-        assert told.returncode == 0, told.stderr
-        return told.stdout
+        code, output, errors = kit.run(PROGRAM, *words, folder=folder)
+        assert code == 0, errors
+        return output
 
     results = {one.feature_id: one for one in messages(bag)["feature_results"]}
     rows = {row["feature"]: row for row in csv.DictReader(io.StringIO(out("export", bag, "--format", "csv"))) if row["plan"] == results["A_flat"].plan_id}
@@ -246,6 +245,4 @@ def check_outputs(folder, bag):
 
 
 if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as place:
-        main(pathlib.Path(place))
-    print("geometrical tolerances: all good")
+    kit.main({"geometrical tolerances": main})

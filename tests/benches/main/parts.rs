@@ -1,19 +1,13 @@
 //! A series of parts in a row on the shipped turn-mill, on virtual time: what they are reported as, how far their sizes are from
 //! nominal by the instrument that measures each again, and what the cell keeps in memory. `PARTS` is their number, 1000 by default.
-#![allow(
-    clippy::print_stdout,
-    reason = "a benchmark's result is what it prints"
-)]
 
 use std::{collections::BTreeMap, time::Instant};
 
-use cell_tests::{BEGIN, begin, cell};
+use cell_tests::{BEGIN, PART_LIMIT, begin, cell};
 use graph::{Executor, topics};
 use probecell_msgs::{OperatorRequest, PartReport, ReferenceMeasurement, from_cdr, to_cdr};
 use serde_json::Value;
 
-/// Longest virtual time of a part, s.
-const PART_LIMIT: f64 = 600.0;
 /// Between two parts, s: the instrument measures the last one meanwhile.
 const PAUSE: f64 = 5.0;
 /// Parts of a line of the table.
@@ -29,7 +23,7 @@ struct Line {
     worst: f64,
 }
 
-fn main() {
+pub(crate) fn run() {
     let parts =
         std::env::var("PARTS").map_or(1000, |text| text.parse().expect("PARTS is a number"));
     let cell = cell("turn_mill.toml", str::to_owned);

@@ -66,7 +66,10 @@ fn analysed(session: &Session) -> (Vec<TouchDeviation>, BTreeMap<String, Feature
 /// Deviations by NumPy for each bag, by event number; `None` where no Python with what it needs is there.
 fn by_numpy(bags: &[PathBuf]) -> Option<Vec<BTreeMap<String, f64>>> {
     let python = shared_data::python("numpy, mcap_ros2")?;
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/numpy_deviations.py");
+    let script = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/tests/main/numpy_deviations.py"
+    );
     let output = Command::new(&python)
         .arg(script)
         .args(bags)

@@ -2,7 +2,7 @@
 //! and the recording of it all replays.
 
 use cell::{Cell, NODES};
-use cell_tests::{BEGIN, cell, executor, factories, instance, messages, recording};
+use cell_tests::{BEGIN, PART_LIMIT, executor, factories, instance, messages, recording};
 use graph::{
     Executor, Published, Stamp,
     replay::{Verdict, replay},
@@ -10,12 +10,7 @@ use graph::{
 };
 use probecell_msgs::{Fault, OperatorRequest, PartReport, StepJournal, from_cdr, to_cdr};
 
-/// Longest virtual time of a part, s; long enough for a machine that was left alone to end what it was doing.
-const PART_LIMIT: f64 = 600.0;
-
-fn turn_mill() -> Cell {
-    cell("turn_mill.toml", str::to_owned)
-}
+use crate::support::turn_mill;
 
 fn ask(executor: &mut Executor, at: Stamp, part: &str) {
     let request = OperatorRequest {

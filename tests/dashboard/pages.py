@@ -1,18 +1,13 @@
-"""What the tests of the dashboard share: processes, cells, and pages that are audited."""
+"""What the tests of the dashboard share: cells, a connection that can be cut, and pages that are audited."""
 
-import atexit
 import contextlib
 import json
-import os
 import pathlib
 import re
 import shutil
-import signal
 import socket
-import subprocess
 import sys
 import threading
-import time
 import urllib.error
 import urllib.request
 
@@ -21,66 +16,33 @@ from axe_playwright_python.sync_playwright import Axe
 from PIL import ImageChops
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "tests"))
+import kit  # noqa: E402
+
 BINARY, PICTURES = sys.argv[1], pathlib.Path(sys.argv[2])
 SAMPLES = ROOT / "bags" / "samples"
 ADDRESS = "127.0.0.1:7480"
-PATIENCE = float(os.environ.get("PATIENCE_S", "120"))  # more where others use the machine
 SHEET_SCALE = 1.5  # px per point
 WIDTHS = {"1400": (1400, 900), "800": (800, 1100), "390": (390, 844)}
 
 
-def until(what, ready):
-    deadline = time.monotonic() + PATIENCE
-    while not (found := ready()):
-        assert time.monotonic() < deadline, f"{what}: not within {PATIENCE} s"
-        time.sleep(0.05)
-    return found
-
-
 def wait(page, condition, argument=None):
     """Until the page fulfils it. Playwright's own way needs eval in the page, which its policy forbids."""
-    return until(condition, lambda: page.evaluate(condition, argument))
-
-
-def with_keys(folder):
-    """Keys of cells and operators, and private sockets of routers, are those of the test."""
-    own = {name: str(pathlib.Path(folder).resolve() / place) for name, place in (("XDG_CONFIG_HOME", "config"), ("XDG_STATE_HOME", "state"))}
-    return os.environ | own
+    return kit.until(condition, lambda: page.evaluate(condition, argument))
 
 
 def asked(*words, folder):
     """Status and what a command says."""
-    told = subprocess.run([BINARY, *map(str, words)], cwd=folder, env=with_keys(folder), capture_output=True, text=True, timeout=PATIENCE)
-    return told.returncode, told.stdout + told.stderr
+    code, output, errors = kit.run(BINARY, *words, folder=folder)
+    return code, output + errors
 
 
-class Process:
-    """A probecell process whose lines are kept; on another host where one is given."""
-
-    def __init__(self, *words, folder, host=None):
-        self.lines = []
-        self.process = subprocess.Popen(
-            [*(host.inside if host else []), BINARY, *map(str, words)], cwd=folder, env=with_keys(folder), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL, text=True,
-        )
-        self.reader = threading.Thread(target=self.read, daemon=True)
-        self.reader.start()
-        atexit.register(self.end)
-
-    def read(self):
-        for line in self.process.stdout:
-            self.lines.append(line.rstrip())
-
-    def says(self, words):
-        return until(f"{words!r} in {self.process.args[1:]}", lambda: [line for line in self.lines if words in line])
-
-    def end(self):
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGTERM)
-            self.process.wait(timeout=PATIENCE)
+def started(*words, folder, inside=()):
+    """A probecell process; on another host where a command that leads there is given."""
+    return kit.Process(*inside, BINARY, *words, folder=folder)
 
 
-class Cable:
+class Line:
     """A TCP connection to the dashboard that can be cut: the browser's way to it."""
 
     def __init__(self):
@@ -124,7 +86,7 @@ class Cable:
 def fetch(path, method="GET"):
     request = urllib.request.Request(f"http://{ADDRESS}{path}", method=method)
     try:
-        with urllib.request.urlopen(request) as answer:
+        with urllib.request.urlopen(request, timeout=kit.patience(60)) as answer:
             return answer.status, answer.headers, answer.read()
     except urllib.error.HTTPError as error:
         return error.code, error.headers, error.read()
@@ -167,7 +129,7 @@ class Browser:
         context = self.chromium.new_context(
             viewport={"width": size[0], "height": size[1]}, color_scheme=scheme, java_script_enabled=scripts, has_touch=touch, bypass_csp=False
         )
-        context.set_default_timeout(PATIENCE * 1000)
+        context.set_default_timeout(kit.patience(120) * 1000)
         page = context.new_page()
         page.on("request", lambda request: self.requests.append(request.url))
         page.on("pageerror", lambda error: self.errors.append(str(error)))
@@ -235,6 +197,9 @@ class Browser:
         assert all(share > 0.5 for share in filled[:-1]), f"{name}: sheets are half empty: {filled}"
         print(f"{name}: {len(filled)} sheets, filled to {filled}")
         return "\n".join(sheet.get_textpage().get_text_range() for sheet in sheets)
+
+
+ENDS = "qualified|measured only|stopped|scrap"  # how a part may end
 
 
 def axe(page):

@@ -37,6 +37,8 @@ const CUTS: usize = 240;
 const TRIES: usize = 200;
 /// The same for `gap`, each of whose runs holds whole diagnoses.
 const FEW: usize = 12;
+/// The first sessions, which a share of these tests takes.
+const SHARE: usize = 8;
 
 fn turn_mill(edit: impl Fn(&str) -> String) -> Cell {
     cell("turn_mill.toml", edit)
@@ -581,6 +583,12 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         slow_to_stop(),
         unclamped(),
         driver_restarted(),
+    ];
+    assert_eq!(sessions.len(), SHARE);
+    if !shared_data::share(false, true) {
+        return sessions;
+    }
+    sessions.append(&mut vec![
         two_drivers(),
         not_converging(),
         springing(),
@@ -594,7 +602,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         refuted_later(),
         refuted_late(&[topics::REFERENCE_RESULTS], 2.0),
         refuted_late(&[topics::FEATURE_RESULTS], 100.0),
-    ];
+    ]);
     sessions.extend(
         [
             "dead_probe",
@@ -706,7 +714,8 @@ fn missed(trace: &Trace, wanted: &BTreeSet<String>) -> BTreeSet<String> {
 #[test]
 fn losing_any_field_of_any_state_changes_what_is_said() {
     let wanted: Mutex<BTreeMap<&'static str, BTreeSet<String>>> = Mutex::default();
-    let (fields, next) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let fields: Mutex<BTreeMap<&'static str, usize>> = Mutex::default();
+    let next = AtomicUsize::new(0);
     let look = |cell: &Cell, trace: &Trace| {
         if trace.node == "gap" && !cell.gap.at_end_of_plan {
             return;
@@ -715,7 +724,8 @@ fn losing_any_field_of_any_state_changes_what_is_said() {
         let of_node = all.entry(trace.node).or_insert_with(|| {
             let fresh = trace.start();
             let keys = fresh.as_object().expect("a state has fields").keys();
-            fields.fetch_add(keys.len(), Ordering::Relaxed);
+            let mut fields = fields.lock().expect("no thread has panicked");
+            fields.insert(trace.node, keys.len());
             keys.cloned().collect()
         });
         let left = of_node.clone();
@@ -742,14 +752,18 @@ fn losing_any_field_of_any_state_changes_what_is_said() {
     });
     let (wanted, fields) = (wanted.into_inner(), fields.into_inner());
     let wanted = wanted.expect("no thread has panicked");
-    assert!(fields > 30, "{fields} fields of all nodes");
+    let fields = fields.expect("no thread has panicked");
+    let all: usize = fields.values().sum();
+    assert!(all > 30, "{all} fields of all nodes");
     let never: Vec<String> = wanted
         .iter()
         .flat_map(|(node, left)| left.iter().map(move |field| format!("{node}.{field}")))
         .collect();
+    // Of the whole no field is left, of the share of the sessions half of them.
+    let most = shared_data::share(all / 2, 0);
     assert!(
-        never.is_empty(),
-        "state that is never missed: {}",
+        never.len() <= most,
+        "state of {all} fields that is never missed: {}",
         never.join(", ")
     );
 }

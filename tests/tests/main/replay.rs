@@ -15,9 +15,7 @@ use graph::{
 };
 use probecell_msgs::{ControllerReply, ControllerStatus, ProbeTrigger, to_cdr};
 
-fn turn_mill() -> Cell {
-    cell("turn_mill.toml", str::to_owned)
-}
+use crate::support::turn_mill;
 
 /// The session that most of these tests replay.
 static LOG: LazyLock<Vec<Published>> = LazyLock::new(|| make_part(&turn_mill(), "punch").1);

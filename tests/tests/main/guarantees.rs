@@ -6,9 +6,7 @@ use std::{
     sync::LazyLock,
 };
 
-fn root() -> PathBuf {
-    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
-}
+use crate::support::root;
 
 /// Every file with tests in it: Rust, Python, and the steps of CI.
 static SOURCES: LazyLock<Vec<(PathBuf, String)>> = LazyLock::new(|| {
@@ -120,11 +118,11 @@ fn each_promise_names_tests_that_exist() {
 #[test]
 fn a_test_that_does_not_exist_is_not_found() {
     assert!(is_function("each_promise_names_tests_that_exist"));
-    assert!(is_path("tests/tests/{tidy,guarantees}.rs") && is_path("crates/signatures"));
+    assert!(is_path("tests/tests/main/{tidy,guarantees}.rs") && is_path("crates/signatures"));
     for name in [
         "no_test_has_this_name_",
-        "tests/tests/nothing.rs",
-        "tests/tests/{tidy,nothing}.rs",
+        "tests/tests/main/nothing.rs",
+        "tests/tests/main/{tidy,nothing}.rs",
     ] {
         assert!(!is_function(name) && !is_path(name), "{name}");
     }
@@ -134,7 +132,8 @@ fn a_test_that_does_not_exist_is_not_found() {
 #[test]
 fn the_document_says_how_many_seeds_are_run() {
     let text = fs::read_to_string(root().join("docs/guarantees.md")).expect("the document");
-    let seeds = fs::read_to_string(root().join("dev/fault_world/tests/seeds.rs")).expect("seeds");
+    let seeds =
+        fs::read_to_string(root().join("dev/fault_world/tests/main/seeds.rs")).expect("seeds");
     let after = seeds.split_once("const SEEDS: u64 = ").expect("how many").1;
     let count = after.split(';').next().unwrap_or_default();
     assert!(text.contains(&format!("{count} seeds")), "{count} seeds");

@@ -6,9 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-fn root() -> &'static Path {
-    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
-}
+use crate::support::root;
 
 /// Folders of the workspace that hold a crate, by what the root manifest lists.
 fn members() -> BTreeSet<String> {
@@ -16,7 +14,7 @@ fn members() -> BTreeSet<String> {
         .map(str::to_owned)
         .into_iter()
         .collect();
-    for group in ["crates", "dev", "nodes"] {
+    for group in ["crates", "dev", "neighbours", "nodes"] {
         for entry in fs::read_dir(root().join(group)).expect("a folder of crates") {
             let path = entry.expect("an entry").path();
             if path.join("Cargo.toml").exists() {
@@ -108,16 +106,16 @@ fn cited_sections(text: &str) -> Vec<String> {
 
 #[test]
 fn every_citation_of_the_source_systems_names_a_section_that_exists() {
-    let document = fs::read_to_string(root().join("docs/source_systems.md")).expect("the document");
+    let document = pages("docs/source_systems");
     let headings: BTreeSet<&str> = document
         .lines()
-        .filter_map(|line| line.strip_prefix("### ").or(line.strip_prefix("## ")))
+        .filter_map(|line| line.strip_prefix("# ").or(line.strip_prefix("## ")))
         .filter_map(|heading| heading.split(' ').next())
         .map(|number| number.trim_end_matches('.'))
         .collect();
     let mut files = Vec::new();
     written_files(root(), &mut files);
-    files.retain(|path| !path.ends_with("tests/tests/tidy.rs"));
+    files.retain(|path| !path.ends_with("tests/tests/main/tidy.rs"));
     let mut citations = 0;
     for path in files {
         let text = fs::read_to_string(&path).expect("a text file");
@@ -353,6 +351,16 @@ fn the_keys_of_a_table_are_the_fields_of_what_it_is_read_into() {
     assert_eq!(keys, ["scale", "type"]);
 }
 
+/// A page of the documentation, and the pages in the folder of its name.
+fn pages(name: &str) -> String {
+    let mut text = fs::read_to_string(root().join(format!("{name}.md"))).expect("the page");
+    for entry in fs::read_dir(root().join(name)).expect("its folder") {
+        let path = entry.expect("an entry").path();
+        text += &fs::read_to_string(path).expect("a page");
+    }
+    text
+}
+
 #[test]
 fn the_page_of_the_cell_file_lists_every_key_and_no_other() {
     let mut files = Vec::new();
@@ -381,7 +389,7 @@ fn the_page_of_the_cell_file_lists_every_key_and_no_other() {
             &fs::read_to_string(&path).expect("a source file"),
         ));
     }
-    let page = fs::read_to_string(root().join("docs/cell-file.md")).expect("the page");
+    let page = pages("docs/cell-file");
     let rows = page.lines().filter(|line| line.starts_with("| `"));
     let listed: BTreeSet<String> = rows
         .filter_map(|row| row.split('|').nth(1))

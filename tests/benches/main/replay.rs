@@ -1,9 +1,5 @@
 //! How fast a recorded part is computed again, planning and diagnosis included: messages/s, and multiples of the time
 //! that the part took.
-#![allow(
-    clippy::print_stdout,
-    reason = "a benchmark's result is what it prints"
-)]
 
 use std::time::Instant;
 
@@ -16,7 +12,7 @@ use graph::{
 
 const ROUNDS: usize = 5;
 
-fn main() {
+pub(crate) fn run() {
     for file in ["turn_mill.toml", "five_axis.toml"] {
         let path = launch_scripts().join(file);
         let cell = Cell::read(&path).unwrap_or_else(|error| panic!("{error}"));
