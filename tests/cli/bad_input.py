@@ -583,6 +583,15 @@ def two_machine_models(session):
 @case("stream --bag {} probe_events", 2, "several cells")
 def two_cells(folder):
     (folder / "bag").mkdir()
+    Session().write(folder / "bag" / "bag_0.mcap")
+    Session("/other").write(folder / "bag" / "bag_1.mcap")
+    return folder / "bag"
+
+
+@case("diagnose {}", 2, "2 recordings, name one of them .*one.mcap.*two.mcap")
+@case("stream --bag {} probe_events", 2, "2 recordings, name one of them")
+def folder_of_two_recordings(folder):
+    (folder / "bag").mkdir()
     Session().write(folder / "bag" / "one.mcap")
     Session("/other").write(folder / "bag" / "two.mcap")
     return folder / "bag"
