@@ -11,7 +11,7 @@ use super::{
     config::{ContactPositions, RawContact},
     received::{Joints, Received, Trip},
     trajectory::Frame,
-    wire::{self, GoalId},
+    wire::{self, GoalId, GoalResult},
 };
 
 /// The message of a contact at which a robot ends its trajectory itself comes within this time after.
@@ -20,6 +20,9 @@ const CONTACT_FOLLOWS: Duration = Duration::from_millis(500);
 pub(super) const STANDSTILL_LIMIT: Duration = Duration::from_millis(4500);
 /// A probe that is retracted bounces when it comes free; a contact of the way back comes after it has rested for this long.
 const BOUNCE: Duration = Duration::from_millis(50);
+
+/// m or rad; a joint that is no farther from its target has come to it.
+pub(super) const ARRIVED: f64 = 1e-3;
 
 /// What a measurement goes on by.
 pub(super) struct World<'a> {
@@ -43,10 +46,13 @@ pub(super) struct Leg {
     pub(super) result: Option<Pending>,
     pub(super) cancels: Vec<Pending>,
     pub(super) contact: Option<(Trip, Instant)>,
+    /// m or rad, in the order of the axes.
+    pub(super) target: Vec<f64>,
+    /// Its result comes within this time.
     pub(super) limit: Duration,
     pub(super) ended: Option<Instant>,
     /// How the trajectory has ended, where not at its target.
-    pub(super) failed: Option<String>,
+    pub(super) failed: Option<GoalResult>,
 }
 
 impl Leg {
@@ -69,7 +75,7 @@ impl Leg {
     }
 
     /// Takes the answer to a goal, asks for its result, and takes that.
-    pub(super) fn go_on(&mut self, world: &World<'_>) -> Result<(), String> {
+    pub(super) fn go_on(&mut self, received: &Received, world: &World<'_>) -> Result<(), String> {
         if let Some(answer) = self.sent.as_ref().and_then(|sent| sent.answer(world.at)) {
             self.sent = None;
             match wire::accepted(&answer?) {
@@ -82,7 +88,12 @@ impl Leg {
                         self.cancels.push(world.action.cancel(world.at));
                     }
                 }
-                Some(false) => return Err("the robot does not accept the trajectory".to_owned()),
+                Some(false) => {
+                    return Err(
+                        "the controller does not accept the trajectory; an action gives no reason, the log of the controller does (one that is not active accepts none)"
+                            .to_owned(),
+                    );
+                }
                 None => {
                     return Err(
                         "the answer to the trajectory is no FollowJointTrajectory".to_owned()
@@ -106,27 +117,68 @@ impl Leg {
         };
         self.result = None;
         self.ended = Some(world.at);
-        let (status, code, text) = wire::result(&answer?)
+        let answer = answer.map_err(|text| {
+            if world.at.saturating_duration_since(self.sent_at) < self.limit {
+                return text;
+            }
+            format!(
+                "the controller has not ended the trajectory within {:.1} s, and {}; a protective stop, a blocked joint or a speed of 0 does that",
+                self.limit.as_secs_f64(),
+                self.place(received, world.frame)
+            )
+        })?;
+        let result = wire::result(&answer)
             .ok_or_else(|| "the result is no FollowJointTrajectory".to_owned())?;
         // A robot may end a goal as it likes that was cancelled, or that it ends at the contact itself.
-        if status != wire::STATUS_SUCCEEDED {
-            self.failed = Some(format!(
-                "the trajectory has ended with status {status}, error {code} {text}"
-            ));
-        }
+        self.failed = (!result.has_succeeded()).then_some(result);
         Ok(())
     }
 
     /// A trajectory that has not come to its target has met a contact, whose message may be on its way.
     pub(super) fn check_end(&self, at: Instant, one: &ProbingMove) -> Result<(), String> {
-        let (Some(text), Some(ended), None) = (&self.failed, self.ended, self.contact) else {
+        let (Some(failed), Some(ended), None) = (&self.failed, self.ended, self.contact) else {
             return Ok(());
         };
         let is_over = at.saturating_duration_since(ended) > CONTACT_FOLLOWS;
-        if one.kind != ProbingMove::TOUCH || is_over {
-            return Err(text.clone());
+        if one.kind != ProbingMove::TOUCH || is_over || !failed.may_be_a_contact() {
+            return Err(failed.sentence());
         }
         Ok(())
+    }
+
+    /// A trajectory that has succeeded, and after which the robot stands, has come to its target.
+    pub(super) fn check_target(
+        &self,
+        received: &Received,
+        frame: &Frame<'_>,
+    ) -> Result<(), String> {
+        let is_there = received.newest().is_some_and(|newest| {
+            let pairs = newest.positions.iter().zip(&self.target);
+            pairs.into_iter().all(|(a, b)| (a - b).abs() <= ARRIVED)
+        });
+        // What has met a contact, or was ended before, is nowhere near it.
+        if is_there || self.contact.is_some() || self.failed.is_some() {
+            return Ok(());
+        }
+        Err(format!(
+            "the controller says that the trajectory has succeeded, but {}",
+            self.place(received, frame)
+        ))
+    }
+
+    /// How far the robot is from the target of the move, in words.
+    fn place(&self, received: &Received, frame: &Frame<'_>) -> String {
+        let Some(newest) = received.newest() else {
+            return "it is not known where the arm is".to_owned();
+        };
+        let pairs = newest.positions.iter().zip(&self.target);
+        let ways = pairs.map(|(a, b)| (a - b).abs()).enumerate();
+        let most = ways.max_by(|(_, a), (_, b)| a.total_cmp(b));
+        let Some((index, way)) = most else {
+            return "it is not known where the arm is".to_owned();
+        };
+        let (name, unit) = (&frame.chain.axis(index).name, received.unit(index));
+        format!("axis {name:?} is {way:.4} {unit} from its target")
     }
 
     /// Where the robot was at a contact; none until that has come.

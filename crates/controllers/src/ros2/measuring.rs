@@ -16,7 +16,7 @@ use super::{
     action::{ANSWER_LIMIT, header},
     calls::Pending,
     config::{ContactPositions, RawContact},
-    leg::{Leg, STANDSTILL_LIMIT, World, rest},
+    leg::{ARRIVED, Leg, STANDSTILL_LIMIT, World, rest},
     received::{Joints, Received},
     trajectory::{Frame, SAME, check_start, goal_id, trajectory},
     wire,
@@ -180,7 +180,7 @@ impl Measurement {
         check_start(frame.chain, &newest.positions, &points).map_err(alarm)?;
         let duration = points.last().map_or(0.0, |last| last.time);
         let goal = goal_id(world.now, self.next);
-        let request = wire::send_goal(&goal, &received.joint_names(), &points);
+        let request = wire::send_goal(&goal, &received.joint_names(), &points, ARRIVED);
         let begun = newest.stamp;
         // From here on a contact stops the robot, also one that comes before the goal does.
         received.arm(world.action, rest(one));
@@ -198,6 +198,7 @@ impl Measurement {
             result: None,
             cancels: Vec::new(),
             contact: None,
+            target,
             limit: Duration::from_secs_f64(duration + LATE),
             ended: None,
             failed: None,
@@ -215,7 +216,9 @@ impl Measurement {
         clock: Duration,
     ) -> Result<bool, String> {
         leg.look_for_contact(received, world, one);
-        let went_on = leg.go_on(world).and_then(|()| leg.check_end(world.at, one));
+        let went_on = leg
+            .go_on(received, world)
+            .and_then(|()| leg.check_end(world.at, one));
         if leg.contact.is_some() && one.kind != ProbingMove::TOUCH {
             self.leg = Some(leg);
             return Err(format!(
@@ -233,6 +236,10 @@ impl Measurement {
             let late = leg.is_late(world.at);
             self.leg = Some(leg);
             return late.map(|()| false).map_err(alarm);
+        }
+        if let Err(text) = leg.check_target(received, world.frame) {
+            self.leg = Some(leg);
+            return Err(alarm(text));
         }
         received.disarm();
         if one.kind != ProbingMove::TOUCH {

@@ -282,6 +282,11 @@ impl Received {
         self.axes.iter().map(|axis| axis.name.clone()).collect()
     }
 
+    /// Unit of the positions of an axis.
+    pub(super) fn unit(&self, index: usize) -> &'static str {
+        self.axes.get(index).map_or("m or rad", |axis| axis.unit)
+    }
+
     /// The newest sample of the joints.
     pub(super) fn newest(&self) -> Option<&Joints> {
         self.joints.back()

@@ -70,6 +70,9 @@ pub(super) struct Behaviour {
     pub(super) answers_goals: bool,
     /// The answer to a goal comes so late, ns, and only then it moves.
     pub(super) answers_after: i64,
+    /// The controller ends this goal, counted from 1, half way: status, error code, text. With status 0 the arm stands and the goal
+    /// does not end.
+    pub(super) ends: Option<(usize, u8, i32, &'static str)>,
     /// After its trajectory it creeps at this speed, m/s.
     pub(super) creeps: f64,
     /// The level rises again after it fell, when it is retracted by this, m.
@@ -96,6 +99,7 @@ impl Default for Behaviour {
             silent_from: i64::MAX,
             answers_goals: true,
             answers_after: 0,
+            ends: None,
             creeps: 0.0,
             second_face: f64::INFINITY,
             stuck: false,
@@ -424,10 +428,18 @@ impl World {
     }
 
     fn end(&mut self, status: u8) {
+        self.end_with(status, 0, "");
+    }
+
+    fn end_with(&mut self, status: u8, code: i32, text: &str) {
         self.goal = None;
         self.ends_at = None;
         if let Some(waits) = self.waits.take() {
-            let response = vec![0, 1, 0, 0, status, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0];
+            let mut response = vec![0, 1, 0, 0, status, 0, 0, 0];
+            response.extend(code.to_le_bytes());
+            response.extend((text.len() as u32 + 1).to_le_bytes());
+            response.extend(text.as_bytes());
+            response.push(0);
             drop(waits.send(Ok(response)));
         }
     }
@@ -439,6 +451,17 @@ impl World {
             return;
         };
         let since = (self.now - begun) as f64 * 1e-9;
+        if let (Some((goal, status, code, text)), Some((end, _))) = (self.is.ends, path.last())
+            && goal == self.goals
+            && since >= end / 2.0
+        {
+            if status != 0 {
+                self.end_with(status, code, text);
+            } else if self.ends_at.is_some_and(|at| self.now >= at) {
+                self.end(5);
+            }
+            return;
+        }
         let arrived = path.last().is_some_and(|(end, _)| since >= *end);
         self.position = place(path, since);
         self.lowest = self.lowest.min(self.position[2]);

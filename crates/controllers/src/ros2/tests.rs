@@ -8,9 +8,10 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::{
+    leg::ARRIVED,
     simulated::{BRAKE, Behaviour, FEED, Outcome, World},
     trajectory::check_start,
-    wire::Waypoint,
+    wire::{Waypoint, send_goal},
 };
 
 const MS: i64 = 1_000_000;
@@ -336,4 +337,94 @@ fn a_contact_of_the_way_back_stops_the_arm() {
     expect(&outcome, "unplanned_touch: ");
     let told: BTreeSet<_> = outcome.triggers.iter().map(|one| one.point_index).collect();
     assert!(told.len() < 2);
+}
+
+#[test]
+fn what_the_controller_answers_to_a_goal_is_said_by_name_and_the_arm_is_not_moved_again() {
+    let path = "Aborted due to path tolerance violation";
+    let new = "Current goal cancelled due to new incoming action.";
+    for (ends, says) in [
+        (
+            (6, -4, path),
+            "the controller has aborted the trajectory with PATH_TOLERANCE_VIOLATED (-4): Aborted due to path tolerance violation",
+        ),
+        (
+            (6, -1, new),
+            "has aborted the trajectory with INVALID_GOAL (-1): Current goal cancelled due to new incoming action.",
+        ),
+        (
+            (5, 0, ""),
+            "the controller has cancelled the trajectory without an error code",
+        ),
+        (
+            (6, -7, ""),
+            "the controller has aborted the trajectory with error code -7",
+        ),
+        ((4, 0, "Goal successfully reached!"), "has succeeded, but"),
+    ] {
+        // Half way of the rapid move, and of the touch.
+        for goal in [1, 2] {
+            let (status, code, text) = ends;
+            let outcome = measured(Behaviour {
+                ends: Some((goal, status, code, text)),
+                ..Behaviour::default()
+            });
+            expect(&outcome, says);
+            assert_eq!(outcome.goals, goal);
+            assert!(outcome.triggers.is_empty());
+        }
+    }
+}
+
+#[test]
+fn a_goal_that_a_contact_cannot_have_ended_is_not_waited_for() {
+    let seconds = |code| {
+        let outcome = measured(Behaviour {
+            ends: Some((2, 6, code, "")),
+            ..Behaviour::default()
+        });
+        (outcome.times[1] - outcome.times[0]) as f64 * 1e-9
+    };
+    // The message of a contact may come half a second later.
+    let (given_way, violated) = (seconds(-1), seconds(-4));
+    assert!((violated - given_way - 0.5).abs() < 0.05);
+}
+
+#[test]
+fn an_arm_that_stands_in_its_trajectory_is_cancelled_in_the_end() {
+    let outcome = measured(Behaviour {
+        ends: Some((1, 0, 0, "")),
+        ..Behaviour::default()
+    });
+    expect(
+        &outcome,
+        "the controller has not ended the trajectory within 60.",
+    );
+    let text = &outcome.reply.text;
+    assert!(
+        text.contains("axis \"Z\" is 0.00") && text.contains(" m from its target"),
+        "{text}"
+    );
+    assert!(outcome.cancelled.is_some() && outcome.goals == 1);
+}
+
+#[test]
+fn a_goal_has_succeeded_only_within_a_millimetre_of_each_joint() {
+    let joints = ["X", "Y"].map(str::to_owned);
+    let points = [Waypoint {
+        time: 0.5,
+        positions: vec![0.1, 0.2],
+    }];
+    let sent = send_goal(&[7; 16], &joints, &points, ARRIVED);
+    // Name of one letter, alignment, position, velocity, acceleration.
+    let of = |name: u8| {
+        let mut bytes = vec![2, 0, 0, 0, name, 0];
+        bytes.resize(8, 0);
+        for value in [ARRIVED, 0.0, 0.0] {
+            bytes.extend(value.to_le_bytes());
+        }
+        bytes
+    };
+    let found = |name| sent.windows(32).any(|window| window == of(name));
+    assert!(found(b'X') && found(b'Y'));
 }

@@ -66,6 +66,20 @@ pub(super) const CANCEL_GOAL: RosType = service(CancelGoal::TYPE);
 
 /// `action_msgs/msg/GoalStatus`.
 pub(super) const STATUS_SUCCEEDED: u8 = 4;
+const STATUS_CANCELED: u8 = 5;
+const STATUS_ABORTED: u8 = 6;
+
+/// `error_code` of a `FollowJointTrajectory` that could not be carried out as it was sent.
+const INVALID: [(i32, &str); 3] = [
+    (-1, "INVALID_GOAL"),
+    (-2, "INVALID_JOINTS"),
+    (-3, "OLD_HEADER_TIMESTAMP"),
+];
+/// Those of one that has left its tolerances.
+const VIOLATED: [(i32, &str); 2] = [
+    (-4, "PATH_TOLERANCE_VIOLATED"),
+    (-5, "GOAL_TOLERANCE_VIOLATED"),
+];
 
 /// Identifier of a goal.
 pub(super) type GoalId = [u8; 16];
@@ -85,8 +99,13 @@ pub(super) enum Parameter {
     Text(String),
 }
 
-/// Request of `send_goal`.
-pub(super) fn send_goal(goal: &GoalId, joints: &[String], points: &[Waypoint]) -> Vec<u8> {
+/// Request of `send_goal`. It has succeeded only when each joint is at its target within `tolerance` (m or rad).
+pub(super) fn send_goal(
+    goal: &GoalId,
+    joints: &[String],
+    points: &[Waypoint],
+    tolerance: f64,
+) -> Vec<u8> {
     let mut out = Writer::default();
     out.bytes(goal);
     out.header();
@@ -108,11 +127,21 @@ pub(super) fn send_goal(goal: &GoalId, joints: &[String], points: &[Waypoint]) -
         out.u32((nanos / 1_000_000_000) as u32);
         out.u32((nanos % 1_000_000_000) as u32);
     }
-    // No trajectory of other kinds, no tolerances beyond the controller's.
+    // No trajectory of other kinds; on the path, the controller's own tolerances.
     out.header();
-    for _ in 0..6 {
+    for _ in 0..4 {
         out.count(0);
     }
+    out.count(joints.len());
+    for joint in joints {
+        out.text(joint);
+        // Velocity and acceleration: the controller's own.
+        for value in [tolerance, 0.0, 0.0] {
+            out.f64(value);
+        }
+    }
+    // None of components; as late as the controller allows.
+    out.count(0);
     out.u32(0);
     out.u32(0);
     out.0
@@ -130,10 +159,52 @@ pub(super) fn get_result(goal: &GoalId) -> Vec<u8> {
     out.0
 }
 
-/// Status, error code and text of a goal that has ended.
-pub(super) fn result(response: &[u8]) -> Option<(u8, i32, String)> {
+/// How a goal has ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct GoalResult {
+    status: u8,
+    code: i32,
+    text: String,
+}
+
+impl GoalResult {
+    pub(super) fn has_succeeded(&self) -> bool {
+        self.status == STATUS_SUCCEEDED
+    }
+
+    /// False where the controller says that the goal itself was wrong, or that it had to give way: no contact does that.
+    pub(super) fn may_be_a_contact(&self) -> bool {
+        INVALID.iter().all(|(code, _)| *code != self.code)
+    }
+
+    /// What the controller has answered, in a sentence.
+    pub(super) fn sentence(&self) -> String {
+        let how = match self.status {
+            STATUS_CANCELED => "the controller has cancelled the trajectory".to_owned(),
+            STATUS_ABORTED => "the controller has aborted the trajectory".to_owned(),
+            other => format!("the controller has ended the trajectory with status {other}"),
+        };
+        let mut known = INVALID.iter().chain(&VIOLATED);
+        let code = match (self.code, known.find(|(code, _)| *code == self.code)) {
+            (0, _) => "without an error code".to_owned(),
+            (code, Some((_, name))) => format!("with {name} ({code})"),
+            (code, None) => format!("with error code {code}"),
+        };
+        match self.text.trim() {
+            "" => format!("{how} {code}"),
+            text => format!("{how} {code}: {text}"),
+        }
+    }
+}
+
+/// How a goal has ended.
+pub(super) fn result(response: &[u8]) -> Option<GoalResult> {
     let mut from = Reader::new(response)?;
-    Some((from.u8()?, from.u32()? as i32, from.text()?))
+    Some(GoalResult {
+        status: from.u8()?,
+        code: from.u32()? as i32,
+        text: from.text()?,
+    })
 }
 
 /// Request of `cancel_goal` for all goals.
