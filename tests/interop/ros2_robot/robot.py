@@ -2,7 +2,7 @@
 """A robot on plain ROS 2 that is none of ours: joint_states, the action FollowJointTrajectory, a contact signal std_msgs/Bool, and a
 program with services and parameters, over eclipse-zenoh in the wire format of rmw_zenoh.
 
-    robot.py CELL.toml [--zero A2=200e-6]... [--delay S] [--jitter S] [--latched] [--seed N]
+    robot.py CELL.toml [--zero A2=200e-6]... [--delay S] [--jitter S] [--noise M] [--latched] [--seed N]
 
 Behind it are the arm of the cell's URDF with zero errors of its joints, a probe that triggers late, and the cell's part: faces that
 are clamped off their place, a bore that its program cuts, or balls. Metres, radians, seconds.
@@ -116,6 +116,12 @@ def turn(about, angle):
     return numpy.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
 
 
+def on(path, since):
+    """The place on a trajectory so long after its start."""
+    times, places = path
+    return numpy.array([numpy.interp(since, times, column) for column in places.T])
+
+
 class Arm:
     """The chain of the URDF: where the ball is in the part, for readings of the joints."""
 
@@ -224,27 +230,18 @@ class Robot:
 
     def error(self):
         """What this touch's probe adds, m."""
-        return self.random.normal(0.0, 4e-6)
+        return self.random.normal(0.0, self.options.noise)
 
     def take(self, name, query, asked, now):
         last, answer = name.rsplit("/", 1)[-1], lambda kind, /, **fields: self.node.answer(query, f"control_msgs/msg/{kind}", **fields)
         types = self.node.store.types
         if last == "send_goal":
-            order = [list(asked.trajectory.joint_names).index(one) for one in self.arm.names]
-            points = asked.trajectory.points
-            times = [0.0] + [one.time_from_start.sec + one.time_from_start.nanosec * 1e-9 for one in points]
-            places = [self.position] + [numpy.array(one.positions)[order] for one in points]
-            accepted = self.goal is None and len(points) > 0 and all(a < b for a, b in zip(times, times[1:]))
-            if accepted:
-                self.goal, self.path, self.begun = bytes(asked.uuid), (numpy.array(times), numpy.array(places)), now
-            answer("SendGoalResponse", accepted=accepted, stamp=self.node.stamp(now))
+            answer("SendGoalResponse", accepted=self.accept(bytes(asked.uuid), asked, now), stamp=self.node.stamp(now))
         elif last == "get_result":
             self.waiting[bytes(asked.uuid)] = query
             self.tell_results()
         elif last == "cancel_goal":
-            ended = [self.goal] if self.goal else []
-            if self.goal:
-                self.end(STATUS_CANCELED)
+            ended = self.cancel(asked)
             goals = [types["control_msgs/msg/GoalInfo"](uuid=numpy.frombuffer(one, numpy.uint8), stamp=self.node.stamp(now)) for one in ended]
             answer("CancelResponse", return_code=0, goals_canceling=goals)
         elif last == "set_parameters":
@@ -269,13 +266,36 @@ class Robot:
             self.cutting = None
             answer("TriggerResponse", success=True, message="")
 
-    def end(self, status):
-        self.results[self.goal], self.goal, self.path = status, None, None
+    def way(self, goal):
+        """Instants after the start, the first of which is now, and places of a trajectory in the order of the arm."""
+        order = [list(goal.trajectory.joint_names).index(one) for one in self.arm.names]
+        points = goal.trajectory.points
+        times = [0.0] + [one.time_from_start.sec + one.time_from_start.nanosec * 1e-9 for one in points]
+        return numpy.array(times), numpy.array([self.position] + [numpy.array(one.positions)[order] for one in points])
+
+    def accept(self, uuid, goal, now):
+        """Whether a goal is accepted, which then begins."""
+        path = self.way(goal)
+        if self.goal is not None or len(path[0]) < 2 or any(numpy.diff(path[0]) <= 0):
+            return False
+        self.goal, self.path, self.begun = uuid, path, now
+        return True
+
+    def cancel(self, _asked):
+        """Goals that end now."""
+        ended = [self.goal] if self.goal else []
+        if self.goal:
+            self.end(STATUS_CANCELED)
+        return ended
+
+    def end(self, status, code=0, text=""):
+        self.results[self.goal], self.goal, self.path = (status, code, text), None, None
         self.tell_results()
 
     def tell_results(self):
         for goal in [one for one in self.waiting if one in self.results]:
-            self.node.answer(self.waiting.pop(goal), "control_msgs/msg/GetResultResponse", status=self.results[goal], error_code=0, error_string="")
+            status, code, text = self.results[goal]
+            self.node.answer(self.waiting.pop(goal), "control_msgs/msg/GetResultResponse", status=status, error_code=code, error_string=text)
 
     def cut(self):
         """The tool is 60 µm too small in radius; wear offset enlarges the bore; the work offset moves it."""
@@ -289,27 +309,34 @@ class Robot:
         query, self.cutting = self.cutting[0], None
         self.node.answer(query, "control_msgs/msg/TriggerResponse", success=True, message="")
 
-    def place(self, at):
-        times, places = self.path
-        since = min(max(at - self.begun, 0.0), times[-1])
-        return numpy.array([numpy.interp(since, times, column) for column in places.T])
+    def at(self, since):
+        """Where its trajectory is so long after the start."""
+        return on(self.path, since)
+
+    def moves(self, _before, _now):
+        """Where the arm is at each instant between two; none where it stands."""
+        return (lambda at: self.at(at - self.begun)) if self.path is not None else None
+
+    def follow(self, now):
+        """Ends the goal that has come to its end."""
+        if self.goal and now - self.begun >= self.path[0][-1]:
+            self.end(STATUS_SUCCEEDED)
 
     def clearance(self, position):
         return self.part.distance(self.arm.centre(position)) - self.ball + self.extra
 
     def tick(self, before, now):
         """Moves, and looks for a contact between two instants."""
-        arrived = None
-        if self.path is not None:
-            position, arrived = self.place(now), now - self.begun >= self.path[0][-1]
+        if place := self.moves(before, now):
+            position = place(now)
             if not self.tripped and self.clearance(position) <= 0:
                 low, high = before, now
                 for _ in range(20):
                     middle = (low + high) / 2
-                    low, high = (low, middle) if self.clearance(self.place(middle)) <= 0 else (middle, high)
+                    low, high = (low, middle) if self.clearance(place(middle)) <= 0 else (middle, high)
                 self.tripped = True
                 if self.options.latched:
-                    self.state(self.latched, high, self.place(high))
+                    self.state(self.latched, high, place(high))
                 late = max(0.0, self.options.delay + self.random.normal(0.0, self.options.jitter))
                 self.trips.append(high + late)
             self.position = position
@@ -322,8 +349,7 @@ class Robot:
             self.shown = True
             self.contact(at, data=True)
         self.trips = [one for one in self.trips if one > now]
-        if arrived and self.goal:
-            self.end(STATUS_SUCCEEDED)
+        self.follow(now)
 
     def state(self, publish, at, position):
         empty = numpy.array([], float)
@@ -348,14 +374,23 @@ class Robot:
         os._exit(0)  # its router may be gone already, which a session would wait for
 
 
-if __name__ == "__main__":
+def arguments():
     parser = argparse.ArgumentParser()
     parser.add_argument("cell", type=pathlib.Path)
     parser.add_argument("--zero", action="append", default=[])
     parser.add_argument("--delay", type=float, default=0.0)
     parser.add_argument("--jitter", type=float, default=0.0)
+    parser.add_argument("--noise", type=float, default=4e-6, help="standard deviation of a touch, m")
     parser.add_argument("--latched", action="store_true")
     parser.add_argument("--true", action="store_true", help="the part is where it belongs")
     parser.add_argument("--seed", type=int, default=1)
+    return parser
+
+
+def main(robot, parser):
     options = parser.parse_args()
-    Robot(options, tomllib.loads(options.cell.read_text())).run()
+    robot(options, tomllib.loads(options.cell.read_text())).run()
+
+
+if __name__ == "__main__":
+    main(Robot, arguments())
