@@ -427,6 +427,7 @@ impl Drives {
             indistinguishable_from,
             group: Vec::new(),
             alternatives: Vec::new(),
+            joint_zero: None,
             placebo_rms_after: None,
             sessions: after.of_sessions(before),
         }

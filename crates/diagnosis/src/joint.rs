@@ -159,7 +159,10 @@ impl Together<'_> {
             |row| before[row] / weight(row),
             |row| left[named][row].map(|value| value / weight(row)),
         );
-        (report.finished(), touches)
+        (
+            report.with_joint_zeros(&observations.chain).finished(),
+            touches,
+        )
     }
 
     /// Residuals of the judging rows with the first so many families: of withheld sessions, whose poses are fitted anew, or of

@@ -116,6 +116,14 @@ pub(crate) fn part(observations: &Observations) -> Option<ReferenceSplit> {
     })
 }
 
+/// Touches whose deviation is reading − reference, where a session was judged so.
+pub fn reading(observations: &Observations, residuals: &[TouchResiduals]) -> Option<Observations> {
+    let is_parted = residuals.first()?.compared == COMPARED[0];
+    part(observations)
+        .filter(|_| is_parted)
+        .map(|split| split.reading)
+}
+
 /// True where the joint explanation does not hold: something is left, or the errors cancel in the reading.
 pub(crate) fn is_better(parted: &ReferenceSplit, joint: &Report) -> bool {
     parted.opposed

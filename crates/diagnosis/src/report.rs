@@ -4,6 +4,7 @@
 
 pub(crate) mod declared;
 mod finish;
+mod joint_zero;
 pub(crate) mod localisation;
 pub mod noise;
 pub(crate) mod numbers;
@@ -13,6 +14,7 @@ pub(crate) mod summary;
 
 pub use effects::{ParameterEstimate, Promise};
 pub use experiment::proposal::{Explanation, NextMeasurement, NextPoint};
+pub use joint_zero::JointZero;
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_128;
 
@@ -261,6 +263,9 @@ pub struct Effect {
     /// Parameters of each of those in its place, where they can be fitted.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub alternatives: Vec<Alternative>,
+    /// The same where it is the zero of a joint.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub joint_zero: Option<JointZero>,
     /// Held-out rms with another effect of as many parameters in its place, in [`Gap::unit`].
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub placebo_rms_after: Option<f64>,

@@ -40,7 +40,7 @@ fn in_full(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
             @let group = if effect.group.is_empty() { std::slice::from_ref(&effect.effect) } else { &effect.group };
             div.cause {
                 h3 {
-                    @if group.len() > 1 { "One of " (group.len()) " causes" } @else { (capital(&vocabulary::describe(&effect.effect))) }
+                    @if group.len() > 1 { "One of " (group.len()) " causes" } @else { (capital(&effect.words())) }
                     small { "probability " (probability(effect.probability)) ", " (um(effect.rms_before)) " → " (um(effect.rms_after)) " µm on touches not used for the fit" }
                 }
                 @if group.len() > 1 {
@@ -100,10 +100,14 @@ fn steps(report: &Report) -> Vec<Step> {
     };
     let mut steps: Vec<Step> = Vec::new();
     for one in report.effects.iter().filter(|one| one.group.len() <= 1) {
-        let Some(remedy) = vocabulary::remedy(&one.effect) else {
+        let remedy = match &one.joint_zero {
+            Some(_) => one.remedy(),
+            None => vocabulary::remedy(&one.effect).map(str::to_owned),
+        };
+        let Some(remedy) = remedy else {
             continue;
         };
-        let name = capital(&vocabulary::describe(&one.effect));
+        let name = capital(&one.words());
         steps.push(Step {
             energy: energy(one),
             text: html! { (name) ", " (share(energy(one))) ". Remedy: " b { (remedy) } },

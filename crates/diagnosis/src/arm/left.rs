@@ -122,6 +122,7 @@ pub(super) fn named_effect(
         indistinguishable_from,
         group: Vec::new(),
         alternatives: Vec::new(),
+        joint_zero: None,
         placebo_rms_after: None,
         sessions: sessions.collect(),
     }

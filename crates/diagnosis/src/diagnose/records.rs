@@ -101,6 +101,7 @@ fn plain(
         indistinguishable_from: Vec::new(),
         group: Vec::new(),
         alternatives: Vec::new(),
+        joint_zero: None,
         placebo_rms_after: None,
         sessions: Vec::new(),
     }

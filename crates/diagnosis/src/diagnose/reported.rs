@@ -200,6 +200,7 @@ impl Reporter<'_> {
                 rms_after: after.rms,
                 ci95_after: after.ci95,
                 held_out: true,
+                joint_zero: None,
                 alternatives: alternatives::fit_alternatives(
                     self.shapes,
                     attribution,

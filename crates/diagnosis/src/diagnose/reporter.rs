@@ -146,7 +146,11 @@ impl Reporter<'_> {
             warnings,
         };
         let residuals = self.residuals(&set);
-        (set, report.finished(), residuals)
+        (
+            set,
+            report.with_joint_zeros(&self.observations.chain).finished(),
+            residuals,
+        )
     }
 
     /// The noise beside a model, of all touches and of groups of them.

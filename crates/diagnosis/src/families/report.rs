@@ -100,6 +100,7 @@ impl Judged {
                     .map_or_else(Vec::new, |less| self.equals(member, &less)),
                 group: Vec::new(),
                 alternatives: Vec::new(),
+                joint_zero: None,
                 placebo_rms_after: None,
                 sessions: Vec::new(),
             });

@@ -108,6 +108,7 @@ pub(super) fn cause(
         indistinguishable_from: names().skip(1).collect(),
         group: names().collect(),
         alternatives: Vec::new(),
+        joint_zero: None,
         placebo_rms_after: None,
         sessions: Vec::new(),
     })

@@ -11,6 +11,14 @@ const MOST: usize = 3;
 impl Effect {
     /// What a person does about it, with its size; `None` outside the vocabulary.
     pub fn remedy(&self) -> Option<String> {
+        if let Some(zero) = &self.joint_zero {
+            let text = in_display_units("zero", zero.value, "rad", None);
+            let size = text.split_once(" = ").map_or(&*text, |(_, size)| size);
+            return Some(format!(
+                "correct the zero of joint {}: it stands at its reading plus {size}",
+                zero.joint
+            ));
+        }
         let remedy = vocabulary::remedy(&self.effect)?;
         if self.effect.starts_with("motion.") {
             let [first, rest @ ..] = self.parameters.as_slice() else {
@@ -50,10 +58,10 @@ fn size(parameter: &ParameterEstimate) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn effect(name: &str, parameters: &[(&str, f64, &str, f64)]) -> Effect {
+    pub(crate) fn effect(name: &str, parameters: &[(&str, f64, &str, f64)]) -> Effect {
         let estimate = |&(name, value, unit, half): &(&str, f64, &str, f64)| ParameterEstimate {
             name: name.to_owned(),
             value,
@@ -71,6 +79,7 @@ mod tests {
             indistinguishable_from: Vec::new(),
             group: Vec::new(),
             alternatives: Vec::new(),
+            joint_zero: None,
             placebo_rms_after: None,
             sessions: Vec::new(),
         }

@@ -120,6 +120,7 @@ fn effect(rows: &Rows<'_>, judged: &Judged, named: &Named) -> Effect {
         indistinguishable_from,
         group: Vec::new(),
         alternatives,
+        joint_zero: None,
         placebo_rms_after: None,
         sessions: Vec::new(),
         effect: identifier,

@@ -83,11 +83,11 @@ fn named(effect: &Effect) -> String {
     match effect.group.as_slice() {
         [_, other] => format!(
             "cause ({probability}): {}, or {}: no touch tells them apart",
-            short(&effect.effect),
-            short(other)
+            short(&effect.words()),
+            short(&effects::vocabulary::describe(other))
         ),
         [_, _, ..] => format!("one of {} causes ({probability})", effect.group.len()),
-        _ => format!("cause ({probability}): {}", short(&effect.effect)),
+        _ => format!("cause ({probability}): {}", short(&effect.words())),
     }
 }
 

@@ -45,7 +45,7 @@ pub(crate) fn verdict(report: &Report, samples: &str) -> String {
 /// What may act: of effects that these data cannot distinguish all, never one as certain.
 fn causes(report: &Report) -> String {
     let one = |effect: &Effect| match effect.group.len() {
-        0 | 1 => named(&effect.effect),
+        0 | 1 => called(effect),
         count => format!(
             "one of {count} causes that these data cannot distinguish ({})",
             brief(&effect.group)
@@ -81,8 +81,11 @@ fn brief(effects: &[String]) -> String {
 
 /// The name of an effect without what explains it: `backlash of axis X`.
 pub(crate) fn short_name(effect: &str) -> String {
-    let words = vocabulary::describe(effect);
-    let name = words.split_once(": ").map_or(&*words, |(name, _)| name);
+    short_words(&vocabulary::describe(effect))
+}
+
+pub(crate) fn short_words(words: &str) -> String {
+    let name = words.split_once(": ").map_or(words, |(name, _)| name);
     name.to_owned()
 }
 
@@ -121,6 +124,14 @@ pub(crate) fn named(effect: &str) -> String {
     }
 }
 
+/// [`named`], by the joint whose zero it is.
+pub(crate) fn called(effect: &Effect) -> String {
+    match &effect.joint_zero {
+        Some(_) => format!("{} ({})", effect.words(), effect.effect),
+        None => named(&effect.effect),
+    }
+}
+
 /// Effects of which one acts, or which are to be distinguished.
 pub(crate) fn alternatives(effects: &[String]) -> String {
     let named: Vec<String> = effects.iter().map(|effect| named(effect)).collect();
@@ -154,7 +165,7 @@ fn finding(effect: &Effect) -> String {
     let remedy = (effect.remedy()).map_or_else(String::new, |remedy| format!(" Remedy: {remedy}."));
     format!(
         "{}{size}; probability {probability}.{remedy}",
-        capitalised(&named(&effect.effect)),
+        capitalised(&called(effect)),
     )
 }
 

@@ -5,7 +5,7 @@ use ::diagnosis::report::{Effect, NextMeasurement, NextPoint, Place};
 use ::diagnosis::{Report, Residuals};
 
 use crate::pages::conclusion::{
-    alternatives, findings, groups, named, position, short_name, verdict,
+    alternatives, called, findings, groups, named, position, short_name, short_words, verdict,
 };
 use crate::pages::numbers::{
     Turns, interval, location_text, parameters, percent, probability, unit_of,
@@ -109,7 +109,7 @@ fn effects(page: &mut Page, report: &Report) -> Result<(), PlotError> {
     for effect in &report.effects {
         let placebo = effect.placebo_rms_after;
         let (name, size) = match effect.group.len() {
-            0 | 1 => (named(&effect.effect), parameters(&effect.parameters)),
+            0 | 1 => (called(effect), parameters(&effect.parameters)),
             count => (format!("one of {count} causes"), "see above".to_owned()),
         };
         table.row(vec![
@@ -154,7 +154,7 @@ fn shrinkage(report: &Report, unit: &Unit) -> Bars {
         let sign = if index == 0 { "with" } else { "and" };
         bars.push(Bar {
             label: match effect.group.len() {
-                0 | 1 => format!("{sign} {}", short_name(&effect.effect)),
+                0 | 1 => format!("{sign} {}", short_words(&effect.words())),
                 count => format!("{sign} one of {count} causes"),
             },
             value: effect.rms_after,
