@@ -23,7 +23,8 @@ use std::collections::BTreeSet;
 use diagnosis::residuals::TouchResiduals;
 use diagnosis::{Report, Residuals};
 use effects::declared::{Acting, predicted};
-use effects::{DeclaredEffect, DeclaredParameter, Observations, Session};
+use effects::effect::Subject;
+use effects::{Observations, Session, registry};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use serde::Serialize;
@@ -164,7 +165,15 @@ impl Predictive {
         if report.gap.noise_floor.is_nan() || report.gap.noise_floor <= 0.0 {
             return Err(PredictiveError::Noise);
         }
-        let observations = Observations::from_session(session)?;
+        let whole = Observations::from_session(session)?;
+        let reading = diagnosis::reading(&whole, touches);
+        let touches = match reading {
+            // What was cut is judged by the reference, and stands in the reading as in it.
+            Some(_) => &touches[..1],
+            None => touches.as_slice(),
+        };
+        let is_parted = reading.is_some();
+        let observations = reading.unwrap_or(whole);
         let declared: Result<Vec<Acting>, _> = (session.declared.iter())
             .map(|effect| effect.acting(&observations.chain))
             .collect();
@@ -176,10 +185,18 @@ impl Predictive {
         let mut not_simulated = Vec::new();
         let certain = acting.len();
         for found in &report.effects {
-            match of_report(found).acting_in(&observations) {
-                Ok(effect) => {
+            if is_parted && is_of_the_part(&found.effect) {
+                let reason = "acts on the part, which the reference measured";
+                not_simulated.push((found.effect.clone(), reason.to_owned()));
+                continue;
+            }
+            let all: Result<Vec<Acting>, _> = (report.declare_all(found).into_iter())
+                .map(|one| one.acting_in(&observations))
+                .collect();
+            match all {
+                Ok(effects) => {
                     names.push(found.effect.clone());
-                    acting.push(effect);
+                    acting.extend(effects);
                 }
                 Err(error) => not_simulated.push((found.effect.clone(), error.to_string())),
             }
@@ -303,22 +320,9 @@ fn judged(mut statistics: Vec<Statistic>) -> Vec<Statistic> {
     statistics
 }
 
-/// A found effect as a cell would declare it.
-fn of_report(found: &diagnosis::report::Effect) -> DeclaredEffect {
-    let parameter = |one: &effects::ParameterEstimate| DeclaredParameter {
-        name: one.name.clone(),
-        value: one.value,
-        unit: one.unit.clone(),
-        ci95: None,
-    };
-    DeclaredEffect {
-        effect: found.effect.clone(),
-        parameters: found.parameters.iter().map(parameter).collect(),
-        chosen_from: Vec::new(),
-        source: None,
-        measured: None,
-        promised: None,
-    }
+/// True for what changes the part and not its measurement.
+fn is_of_the_part(effect: &str) -> bool {
+    registry::acts_on(effect).is_some_and(|acts| acts.subject == Subject::Cutting)
 }
 
 /// Rows of the touches that were not set aside, by time.

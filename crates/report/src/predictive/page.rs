@@ -113,7 +113,8 @@ impl Compared {
     fn table(&self) -> Table {
         let mut table = Table::new(
             format!(
-                "Most improbable {LISTED} of {} statistics",
+                "Most improbable {} of {} statistics",
+                LISTED.min(self.statistics.len()),
                 self.statistics.len()
             ),
             &[

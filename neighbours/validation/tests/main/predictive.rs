@@ -80,3 +80,17 @@ fn it_is_deterministic() {
     let text = || serde_json::to_string(&check(4, Content::Known(2))).expect("JSON");
     assert_eq!(text(), text());
 }
+
+/// A part that a reference has measured: its touches are compared as they were diagnosed, reading minus reference.
+#[test]
+fn a_session_with_a_reference_is_compared_with_it() {
+    let bag = concat!(env!("CARGO_MANIFEST_DIR"), "/../../bags/samples/punch.mcap");
+    let measured = session_io::measured(bag.as_ref(), &bags::Measurement::Last, None);
+    let session = measured.expect("a session").session;
+    let (report, residuals) =
+        diagnose_with_residuals(&session, &Options::default()).expect("a report");
+    let model = Predictive::new(&session, &report, &residuals).expect("a model");
+    let check = model.check(USUAL_DRAWS, 1).expect("a check");
+    assert!(check.before.contradictions > 10, "{}", check.conclusion());
+    assert_eq!(check.after.contradictions, 0, "{}", check.conclusion());
+}
