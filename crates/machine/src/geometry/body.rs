@@ -66,7 +66,7 @@ impl Body {
                 let across = (radius - outer).max(inside);
                 let along = (height - high).max(low - height);
                 if across > 0.0 && along > 0.0 {
-                    across.hypot(along)
+                    (across * across + along * along).sqrt()
                 } else {
                     across.max(along)
                 }

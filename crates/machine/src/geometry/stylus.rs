@@ -11,7 +11,7 @@ const STEM: f64 = 0.7;
 const FREE: f64 = 0.5;
 /// Radius of a spindle probe's body, m: 40 mm across is the most common.
 const PROBE_BODY: f64 = 0.02;
-/// Share of the distance from a body to which that of a link is given.
+/// Share of the distance from a body to which that of a shaft is given: far from a body a lower bound does.
 const COARSE: f64 = 0.2;
 /// Pieces of a shaft shorter than this are judged by their ends, m.
 const PIECE: f64 = 5e-4;
@@ -46,7 +46,7 @@ impl Stylus {
                 ends: [0.0, 1.0],
                 radius: STEM * nominal.ball_radius,
             }],
-            coarse: 0.0,
+            coarse: COARSE,
         }
     }
 
@@ -77,7 +77,7 @@ impl Stylus {
         (length > 2.0 * nominal.ball_radius && length > 0.0).then(|| Self {
             ball_radius: nominal.ball_radius,
             shafts: vec![stem, body],
-            coarse: 0.0,
+            coarse: COARSE,
         })
     }
 
