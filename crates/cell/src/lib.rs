@@ -39,6 +39,7 @@ pub mod keys;
 mod mistakes;
 mod model;
 mod motion;
+pub mod new_robot;
 mod nodes;
 mod numbers;
 mod order;

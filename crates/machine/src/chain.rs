@@ -157,12 +157,15 @@ impl Chain {
         let joints = used
             .iter()
             .map(|&index| {
-                joint(
-                    &robot.joints[index],
-                    &robot.links[links[robot.joints[index].child.as_str()]],
-                )
+                let raw = &robot.joints[index];
+                let (limits, speed) = travel_and_speed(raw)?;
+                Ok(Joint {
+                    limits,
+                    speed,
+                    ..joint(raw, &robot.links[links[raw.child.as_str()]])?
+                })
             })
-            .collect::<Result<Vec<_>, _>>()?;
+            .collect::<Result<Vec<_>, ChainError>>()?;
         let axes: Vec<usize> = (0..joints.len())
             .filter(|&index| joints[index].moves())
             .collect();
@@ -322,6 +325,7 @@ fn climb(
     Ok(path)
 }
 
+/// Geometry and mass of a joint; its limits are those of a machine that is to move ([`travel_and_speed`]).
 pub(crate) fn joint(joint: &RawJoint, child: &Link) -> Result<Joint, ChainError> {
     let name = joint.name.clone();
     let bad = |what| ChainError::BadNumber {
@@ -360,13 +364,12 @@ pub(crate) fn joint(joint: &RawJoint, child: &Link) -> Result<Joint, ChainError>
     if !mass.is_finite() || !inertia.iter().all(|value| value.is_finite()) {
         return Err(bad("inertia"));
     }
-    let (limits, speed) = travel_and_speed(joint)?;
     Ok(Joint {
         kind,
         origin,
         axis,
-        limits,
-        speed,
+        limits: None,
+        speed: None,
         mass,
         centre_of_mass: centre.translation.vector,
         inertia,

@@ -86,6 +86,19 @@ impl Chain {
         part_pose: &Isometry3<f64>,
         ball: &Point3<f64>,
     ) -> Result<Vec<f64>, ReachError> {
+        self.reach_within(ITERATIONS, target, prescribed, start, part_pose, ball)
+    }
+
+    /// [`Self::reach`], given up after some iterations.
+    pub(crate) fn reach_within(
+        &self,
+        iterations: usize,
+        target: &Target,
+        prescribed: &[Option<f64>],
+        start: &[f64],
+        part_pose: &Isometry3<f64>,
+        ball: &Point3<f64>,
+    ) -> Result<Vec<f64>, ReachError> {
         let axes = self.axes().len();
         for given in [prescribed.len(), start.len()] {
             if given != axes {
@@ -111,7 +124,7 @@ impl Chain {
             ball,
             free: &free,
         };
-        problem.solve(positions)
+        problem.solve(positions, iterations)
     }
 
     fn check_travel(&self, index: usize, position: f64) -> Result<(), ReachError> {
@@ -186,10 +199,10 @@ impl Problem<'_> {
         all.rows(0, rows).into_owned()
     }
 
-    fn solve(&self, mut positions: Vec<f64>) -> Result<Vec<f64>, ReachError> {
+    fn solve(&self, mut positions: Vec<f64>, iterations: usize) -> Result<Vec<f64>, ReachError> {
         let mut residual = self.residual(&positions);
         let mut damping = 1e-6;
-        for _ in 0..ITERATIONS {
+        for _ in 0..iterations {
             if reached(&residual) {
                 return Ok(positions);
             }

@@ -30,8 +30,11 @@ const ALIKE: f64 = 1e-4;
 const SAME: f64 = 1e-4;
 /// How far [`Chain::reach`] may correct a closed-form posture, rad.
 const CORRECTION: f64 = 0.05;
-/// Starts of the search for arms of no known family.
+/// Starts of the search for arms of no known family; it ends after so many in a row that found nothing new.
 const STARTS: u32 = 300;
+const IN_VAIN: u32 = 200;
+/// Iterations of one of them: a start that leads to a posture does so in fewer.
+const ITERATIONS: usize = 40;
 /// Bases of the Halton sequence (J. H. Halton, Numerische Mathematik 2, 1960) of those starts.
 const BASES: [u32; JOINTS] = [2, 3, 5, 7, 11, 13];
 
@@ -234,6 +237,17 @@ fn three_parallel(
     postures
 }
 
+/// Number `index` of the van der Corput sequence of a base, 0 to 1; several bases make a Halton sequence.
+pub fn van_der_corput(mut index: u32, base: u32) -> f64 {
+    let (mut share, mut digit) = (0.0, 1.0 / f64::from(base));
+    while index > 0 {
+        share += digit * f64::from(index % base);
+        digit /= f64::from(base);
+        index /= base;
+    }
+    share
+}
+
 impl Chain {
     /// All postures found that bring the ball (`ball` in the probe mount) to a place of the part in an attitude (part from
     /// probe mount). Each joint is given at the turn nearest to `near` within its travel; other full turns of the same
@@ -260,7 +274,8 @@ impl Chain {
         };
         let zero: Vec<f64> = prescribed.iter().map(|q| q.unwrap_or(0.0)).collect();
         let arm = self.screws(&free, &zero, part_pose, ball);
-        let starts: Vec<[f64; JOINTS]> = match arm.and_then(|arm| Some((arm, family(&arm)?))) {
+        let known = arm.and_then(|arm| Some((arm, family(&arm)?)));
+        let starts: Vec<[f64; JOINTS]> = match known {
             Some((arm, family)) => {
                 let mount = place.coords - attitude * ball.coords;
                 let wanted = Isometry3::from_parts(mount.into(), *attitude)
@@ -270,18 +285,24 @@ impl Chain {
             None => (1..=STARTS).map(|start| self.start(&free, start)).collect(),
         };
         let mut postures: Vec<Vec<f64>> = Vec::new();
+        let mut in_vain = 0;
         for start in starts {
+            if known.is_none() {
+                in_vain += 1;
+                if in_vain > IN_VAIN {
+                    break;
+                }
+            }
             let mut at = zero.clone();
             for (&axis, angle) in free.iter().zip(start) {
                 at[axis] = self.nearest_turn(axis, angle, near[axis]).unwrap_or(angle);
             }
-            let Ok(mut found) = self.reach(&target, prescribed, &at, part_pose, ball) else {
+            let reached = self.reach_within(ITERATIONS, &target, prescribed, &at, part_pose, ball);
+            let Ok(mut found) = reached else {
                 continue;
             };
             let corrected = free.iter().map(|&axis| (found[axis] - at[axis]).abs());
-            if arm.is_some_and(|arm| family(&arm).is_some())
-                && corrected.fold(0.0, f64::max) > CORRECTION
-            {
+            if known.is_some() && corrected.fold(0.0, f64::max) > CORRECTION {
                 continue;
             }
             for &axis in &free {
@@ -294,6 +315,7 @@ impl Chain {
             };
             if !postures.iter().any(same) {
                 postures.push(found);
+                in_vain = 0;
             }
         }
         postures
@@ -368,13 +390,7 @@ impl Chain {
                 _ => 1.0,
             };
             let (lower, upper) = joint.limits.unwrap_or((-most, most));
-            let (mut share, mut digit, mut rest) = (0.0, 1.0 / f64::from(base), number);
-            while rest > 0 {
-                share += digit * f64::from(rest % base);
-                digit /= f64::from(base);
-                rest /= base;
-            }
-            *value = lower + (upper - lower) * share;
+            *value = lower + (upper - lower) * van_der_corput(number, base);
         }
         start
     }

@@ -18,10 +18,15 @@ pub struct CellDescription {
     pub text: String,
     /// What was added: one sentence each.
     pub added: Vec<String>,
+    /// The link on which the probe hangs.
+    pub mount: String,
 }
 
-/// Adds the links of a cell where a URDF text lacks them. The probe hangs on `mount`, or, where that is not named, on the link behind
-/// the longest way of joints among those in `reported`.
+/// Names by which descriptions call the place of a tool, the most precise first (ROS-Industrial; REP 199).
+const TOOL_FRAMES: [&str; 3] = ["tool0", "flange", "ee_link"];
+
+/// Adds the links of a cell where a URDF text lacks them. The probe hangs on `mount`; where that is not named, behind the longest
+/// way of joints among those in `reported`: on the frame of a tool there, or on the last link.
 ///
 /// # Errors
 /// [`ChainError::Urdf`] where the text is no robot description, or where it has no link `mount`.
@@ -63,9 +68,13 @@ pub fn as_cell(
         None => {
             // Of links behind equally many joints that move the nearest: fingers hang on fixed joints of a flange.
             let links = robot.links.iter().map(|link| link.name.as_str());
+            let rank = |link: &str| {
+                let named = TOOL_FRAMES.iter().position(|name| link.ends_with(name));
+                TOOL_FRAMES.len() - named.unwrap_or(TOOL_FRAMES.len())
+            };
             let end = links.max_by_key(|link| {
                 let (moving, all) = way(link);
-                (moving, std::cmp::Reverse(all))
+                (moving, rank(link), std::cmp::Reverse(all))
             });
             end.unwrap_or(root)
         }
@@ -106,6 +115,7 @@ pub fn as_cell(
     Ok(CellDescription {
         text: format!("{}{}{}", &text[..end], elements.concat(), &text[end..]),
         added,
+        mount: tip.to_owned(),
     })
 }
 

@@ -48,6 +48,9 @@ pub(crate) enum Command {
     },
     /// Three simulated machines, each with a hidden fault: see each found, adopted, and the next part made without it.
     Demo(commands::demo::Arguments),
+    /// Write a cell to begin with.
+    #[command(subcommand)]
+    New(commands::new::Command),
     /// Run one node of a cell in this process.
     Node {
         /// Name of the node.

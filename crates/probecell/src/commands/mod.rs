@@ -18,6 +18,7 @@ pub(crate) mod key;
 pub(crate) mod layouts;
 pub(crate) mod man;
 pub(crate) mod measure;
+pub(crate) mod new;
 pub(crate) mod node;
 pub(crate) mod plan;
 pub(crate) mod play;
