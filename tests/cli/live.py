@@ -183,7 +183,10 @@ def an_operator_stops_a_part_and_ctrl_c_the_cell(folder):
         code, output, errors = asked("stop", "--operator", "Ada", "--cell", cell, folder=folder)
         assert code == 0 and "stands" in output, (code, output, errors)
         until("no part", lambda: status(cell, folder)["part"] is None)
-        assert status(cell, folder)["machine"] == "idle"
+        # The only cell that runs is meant from any folder, and says how its last part ended.
+        code, output, errors = asked("status", folder="/")
+        assert code == 0 and "machine: idle" in output, (code, output, errors)
+        assert "part: none; the last, punch: stopped" in output, output
         cutting(cell, folder)
         up.send(signal.SIGINT)
         code, output, errors = up.ended()
@@ -265,8 +268,12 @@ def the_same_cell_is_not_started_twice_and_another_outlives_its_router(folder):
         assert code == 2 and "runs on this bus already" in errors, (code, output, errors)
         assert len(list((first / "recordings").glob("*"))) == 1
         with cell_that_is_ready(other, second) as survivor:
+            code, output, errors = asked("stop", folder="/")
+            assert code == 2 and f"other (--cell {other.resolve()}), turn_mill (--cell {cell.resolve()})" in errors, (code, errors)
             up.kill()
             until("a router", lambda: asked("status", "--cell", other, folder=second)[0] == 0)
+            code, output, errors = asked("status", folder="/")
+            assert code == 0, (code, output, errors)
             os.kill(kit.child(survivor.pid, "node", "probe_events"), signal.SIGKILL)
             told = lambda: {one["name"]: (one["running"], one["starts"]) for one in status(other, second)["processes"]}
             until("a second process", lambda: told()["probe_events"] == (True, 2))

@@ -16,7 +16,8 @@ use host::{
     bus_qos,
 };
 use probecell_msgs::{
-    CdrError, Correction, InspectionPlan, Message, PlanProgress, Service, from_cdr, srv, to_cdr,
+    CdrError, Correction, InspectionPlan, Message, PartReport, PlanProgress, Service, from_cdr,
+    srv, to_cdr,
 };
 
 use crate::{
@@ -134,6 +135,17 @@ impl CellClient {
         };
         self.kept(topics::CORRECTIONS, KEPT_TIMEOUT, take)?;
         Ok(waiting)
+    }
+
+    /// The report of the last part, which the cell keeps for late joiners.
+    pub(crate) fn last_part(&self) -> anyhow::Result<Option<PartReport>> {
+        let mut last = None;
+        let take = |report: PartReport| {
+            last = Some(report);
+            ControlFlow::Break(())
+        };
+        self.kept(topics::PART_REPORTS, KEPT_TIMEOUT, take)?;
+        Ok(last)
     }
 
     /// The first message on a latched topic that is wanted; none within [`REPLY_TIMEOUT`].

@@ -28,7 +28,7 @@ use crate::{
     output,
     ros_arguments::{self, read_cell},
     routing::Routing,
-    signals,
+    running, signals,
 };
 
 /// Time in which a session that has joined discovers the other nodes.
@@ -68,6 +68,7 @@ pub(crate) fn up(file: &Path, wanted: Wanted) -> anyhow::Result<u8> {
     }
     // Made before any process asks for them.
     KeyFolder::of(&cell)?.private()?;
+    let _noted = running::note(&cell.cell.name, file);
     // Before this process has another thread: what begins later has no more rights.
     let confined = Routing::confine(&cell, recorded)?;
     let end = signals::end_flag()?;

@@ -40,6 +40,7 @@ mod own_socket;
 mod retention;
 mod ros_arguments;
 mod routing;
+mod running;
 mod signals;
 
 use std::{io::IsTerminal, process::ExitCode};
@@ -144,6 +145,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
             launcher::up(&cell, wanted)
         }
         Command::Demo(arguments) => commands::demo::run(&arguments),
+        Command::New(command) => commands::new::run(&command),
         Command::Node {
             name,
             cell,
@@ -182,22 +184,24 @@ fn run(command: Command) -> anyhow::Result<u8> {
             commands::record::run(&cell, folder, supervised)
         }
         Command::Recording(command) => commands::recording::run(&command),
-        Command::Run { part, cell } => commands::run::run(&cell, &part),
-        Command::Stop { operator, cell } => commands::stop::run(&cell, &operator),
-        Command::Status { cell, json } => commands::status::run(&cell, json),
+        Command::Run { part, cell } => commands::run::run(&running::meant(cell)?, &part),
+        Command::Stop { operator, cell } => commands::stop::run(&running::meant(cell)?, &operator),
+        Command::Status { cell, json } => commands::status::run(&running::meant(cell)?, json),
         Command::Stream(arguments) => commands::stream::run(&arguments),
         Command::Dashboard(arguments) => {
             begin_process(arguments.supervised, arguments.clock)?;
             commands::dashboard::run(arguments)
         }
         Command::Watch(arguments) => commands::watch::run(arguments),
-        Command::Measure { again, cell, .. } => commands::measure::run(&cell, &again),
+        Command::Measure { again, cell, .. } => {
+            commands::measure::run(&running::meant(cell)?, &again)
+        }
         Command::Approve {
             correction,
             operator,
             reject,
             cell,
-        } => commands::approve::run(&cell, &correction, &operator, !reject),
+        } => commands::approve::run(&running::meant(cell)?, &correction, &operator, !reject),
         Command::Secure { cell, out, off } => commands::secure::run(&cell, out, off),
         Command::Key(command) => commands::key::run(&command),
         Command::Play(arguments) => commands::play::run(&arguments),

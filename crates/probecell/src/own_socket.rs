@@ -148,7 +148,8 @@ pub(crate) fn own_locator(endpoint: &str, patience: Duration) -> String {
     }
 }
 
-fn folder() -> Option<PathBuf> {
+/// Folder of the private sockets in the user's state folder.
+pub(crate) fn folder() -> Option<PathBuf> {
     let absolute = |name: &str| {
         let path = std::env::var_os(name).filter(|value: &OsString| !value.is_empty());
         path.map(PathBuf::from).filter(|path| path.is_absolute())

@@ -40,7 +40,10 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
             }
         }
         Input::Stop(request) => {
-            let text = format!("stopped by {}", request.operator_name);
+            let text = match request.operator_name.as_str() {
+                "" => "stopped on request".to_owned(),
+                name => format!("stopped by {name}"),
+            };
             requests::stop(state, now, &text, out);
         }
         Input::MachineFault(fault)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Subcommand;
 use probecell_msgs::srv;
 
-use crate::{DEFAULT_CELL, FAILED, GOOD, LOSS, cell_client::call_once, output};
+use crate::{DEFAULT_CELL, FAILED, GOOD, LOSS, cell_client::call_once, output, running};
 
 /// What the user asks for.
 #[derive(Subcommand)]
@@ -30,8 +30,8 @@ pub(crate) enum Command {
 /// Calls the service `start_recording` or `stop_recording`.
 pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
     match command {
-        Command::Start { name, cell } => start(cell, name),
-        Command::Stop { cell } => stop(cell),
+        Command::Start { name, cell } => start(&running::meant(cell.clone())?, name),
+        Command::Stop { cell } => stop(&running::meant(cell.clone())?),
     }
 }
 

@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, path::Path};
 use cell::TransportName;
 use graph::Stamp;
 use host::bus::{BusConfig, BusError};
-use probecell_msgs::{MachineState, PartStatus, RecordingStatus, srv};
+use probecell_msgs::{MachineState, PartReport, PartStatus, RecordingStatus, srv};
 use serde_json::json;
 
 use super::dashboard::buses;
@@ -20,7 +20,11 @@ use crate::{
 /// Calls the service `status`. Where nobody answers, what a router has kept of the cell is printed as such. Fails when a
 /// process does not run, or the machine says nothing or shows an alarm.
 pub(crate) fn run(file: &Path, as_json: bool) -> anyhow::Result<u8> {
-    let (status, waiting) = match ask(file) {
+    let Asked {
+        status,
+        waiting,
+        last,
+    } = match ask(file) {
         Ok(answer) => answer,
         Err(error) => {
             let no_router = matches!(error.downcast_ref(), Some(BusError::NoRouter { .. }));
@@ -37,23 +41,44 @@ pub(crate) fn run(file: &Path, as_json: bool) -> anyhow::Result<u8> {
         && status.alarms.is_empty()
         && status.running.iter().all(|&running| running);
     if as_json {
-        output::json(&report(&status, &waiting))?;
+        output::json(&report(&status, &waiting, last.as_ref()))?;
     } else {
-        print(&status, &waiting, file);
+        print(&status, &waiting, last.as_ref(), file);
     }
     Ok(if sound { GOOD } else { FAILED })
 }
 
-/// What the cell answers, and the corrections of its part that wait for an operator.
-fn ask(file: &Path) -> anyhow::Result<(srv::StatusResponse, BTreeSet<String>)> {
+/// What a cell answers.
+struct Asked {
+    status: srv::StatusResponse,
+    /// Corrections of its part that wait for an operator.
+    waiting: BTreeSet<String>,
+    /// Where no part is being made: the one before.
+    last: Option<PartReport>,
+}
+
+fn ask(file: &Path) -> anyhow::Result<Asked> {
     let client = CellClient::connect(file)?;
     let status = client.call::<srv::Status>("status", &srv::StatusRequest::default())?;
     let waiting = match status.part.stage {
         PartStatus::CORRECTING => client.waiting(&status.part.plan_id)?,
         _ => BTreeSet::new(),
     };
+    let last = match status.part.stage {
+        PartStatus::NONE => client.last_part()?,
+        _ => None,
+    };
     client.close()?;
-    Ok((status, waiting))
+    Ok(Asked {
+        status,
+        waiting,
+        last,
+    })
+}
+
+/// `qualified`, and why.
+fn verdict(part: &PartReport) -> String {
+    format!("{}, {}", PartReport::word(part.verdict), part.text)
 }
 
 /// What some storage has kept of the cell.
@@ -99,7 +124,11 @@ fn since(status: &srv::StatusResponse) -> f64 {
     Stamp::from(&status.header.stamp).since_s(Stamp::from(&status.part.since))
 }
 
-fn report(status: &srv::StatusResponse, waiting: &BTreeSet<String>) -> serde_json::Value {
+fn report(
+    status: &srv::StatusResponse,
+    waiting: &BTreeSet<String>,
+    last: Option<&PartReport>,
+) -> serde_json::Value {
     let part = &status.part;
     let made = (part.stage != PartStatus::NONE).then(|| {
         json!({
@@ -116,20 +145,29 @@ fn report(status: &srv::StatusResponse, waiting: &BTreeSet<String>) -> serde_jso
         "machine": machine(status),
         "alarms": status.alarms,
         "part": made,
+        "last_part": last.map(|part| json!({ "part_id": part.part_id, "run_id": part.run_id, "verdict": PartReport::word(part.verdict), "text": part.text })),
         "recording": { "state": recording(&status.recording), "uri": status.recording.uri },
         "processes": processes.collect::<Vec<_>>(),
         "faults": status.faults,
     })
 }
 
-fn print(status: &srv::StatusResponse, waiting: &BTreeSet<String>, file: &Path) {
+fn print(
+    status: &srv::StatusResponse,
+    waiting: &BTreeSet<String>,
+    last: Option<&PartReport>,
+    file: &Path,
+) {
     output::line(&format!("machine: {}", machine(status)));
     for alarm in &status.alarms {
         output::line(&format!("  alarm: {alarm}"));
     }
     let part = &status.part;
     if part.stage == PartStatus::NONE {
-        output::line("part: none");
+        output::line(&last.map_or_else(
+            || "part: none yet".to_owned(),
+            |part| format!("part: none; the last, {}: {}", part.part_id, verdict(part)),
+        ));
     } else {
         let what = [&part.operation, &part.plan_id]
             .map(String::as_str)

@@ -1,0 +1,113 @@
+//! Cells of this user that run here: each holds the lock of a note of its cell file while it runs, so that a command without
+//! `--cell` finds it from any folder. What a killed one has left is not locked, and goes with the next look.
+
+use std::{
+    fs::{self, File, TryLockError},
+    io::Write as _,
+    os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _},
+    path::{Path, PathBuf},
+};
+
+use anyhow::bail;
+use serde::{Deserialize, Serialize};
+
+use crate::{DEFAULT_CELL, own_socket};
+
+/// What a running cell notes.
+#[derive(Serialize, Deserialize)]
+struct Note {
+    name: String,
+    file: PathBuf,
+    /// Host and network namespace: elsewhere its router cannot be reached.
+    place: String,
+}
+
+/// The note of this process; it stands until this is dropped.
+pub(crate) struct Noted(#[expect(dead_code, reason = "holds the lock")] Option<File>);
+
+/// Notes a cell. A cell that cannot be noted runs all the same, and is named by `--cell`.
+pub(crate) fn note(name: &str, file: &Path) -> Noted {
+    Noted(written(name, file))
+}
+
+fn written(name: &str, file: &Path) -> Option<File> {
+    let folder = folder()?;
+    let mut builder = fs::DirBuilder::new();
+    builder.recursive(true).mode(0o700).create(&folder).ok()?;
+    let note = Note {
+        name: name.to_owned(),
+        file: file.canonicalize().ok()?,
+        place: place(),
+    };
+    let path = folder.join(format!("{}.json", std::process::id()));
+    let mut options = File::options();
+    let options = options.write(true).create(true).truncate(true).mode(0o600);
+    let mut open = options.open(path).ok()?;
+    open.try_lock().ok()?;
+    open.write_all(&serde_json::to_vec(&note).ok()?).ok()?;
+    Some(open)
+}
+
+/// The file of the cell that a command means: the one that is named, or the only one that runs.
+pub(crate) fn meant(named: PathBuf) -> anyhow::Result<PathBuf> {
+    if named != Path::new(DEFAULT_CELL) {
+        return Ok(named);
+    }
+    let mut cells = running();
+    match (cells.len(), named.exists()) {
+        (0, false) => bail!(
+            "no cell runs here: start one with `probecell up CELL.toml`, or name its file with --cell"
+        ),
+        (0, true) => Ok(named),
+        (1, _) => Ok(cells.remove(0).file),
+        _ => {
+            let each = cells
+                .iter()
+                .map(|one| format!("{} (--cell {})", one.name, one.file.display()));
+            bail!(
+                "which of the cells that run here? {}",
+                each.collect::<Vec<_>>().join(", ")
+            )
+        }
+    }
+}
+
+/// All that run in this place, by name.
+fn running() -> Vec<Note> {
+    let Some(entries) = folder().and_then(|folder| fs::read_dir(folder).ok()) else {
+        return Vec::new();
+    };
+    let here = place();
+    let mut all: Vec<Note> = (entries.flatten())
+        .filter_map(|entry| held(&entry.path()))
+        .filter(|note| note.place == here)
+        .collect();
+    all.sort_by(|a, b| (&a.name, &a.file).cmp(&(&b.name, &b.file)));
+    all
+}
+
+/// A note whose cell runs.
+fn held(path: &Path) -> Option<Note> {
+    let open = File::open(path).ok()?;
+    match open.try_lock_shared() {
+        Err(TryLockError::WouldBlock) => serde_json::from_slice(&fs::read(path).ok()?).ok(),
+        Err(TryLockError::Error(_)) => None,
+        Ok(()) => {
+            // One that begins has its file before its lock: an empty one is left.
+            if open.metadata().is_ok_and(|file| file.len() > 0) {
+                fs::remove_file(path).ok();
+            }
+            None
+        }
+    }
+}
+
+fn folder() -> Option<PathBuf> {
+    Some(own_socket::folder()?.with_file_name("running"))
+}
+
+fn place() -> String {
+    let host = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let network = fs::read_link("/proc/self/ns/net").unwrap_or_default();
+    format!("{} {}", host.trim(), network.display())
+}
