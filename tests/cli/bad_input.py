@@ -557,6 +557,49 @@ def no_messages(session):
     session.messages = []
 
 
+LIMIT = '<limit lower="-1" upper="1" velocity="1" effort="1"/>'
+
+
+def arm(folder, joints, limit=LIMIT, name="arm.urdf"):
+    """A robot description of so many joints that turn."""
+    links = "".join(f'<link name="l{number}"/>' for number in range(joints + 1))
+    joints = "".join(
+        f'<joint name="j{number}" type="revolute"><parent link="l{number}"/><child link="l{number + 1}"/>'
+        f'<origin xyz="0 0 0.1"/><axis xyz="0 {number % 2} {1 - number % 2}"/>{limit}</joint>'
+        for number in range(joints)
+    )
+    (folder / name).write_text(f'<robot name="arm">{links}{joints}</robot>')
+    return folder / name
+
+
+@case("new robot --urdf {} --out made", 2, "the arm has 5 joints that move")
+@case("new robot --urdf {} --mount hand --out made", 2, "no link `hand`")
+@case("new robot --urdf {} --hold j9=0 --out made", 2, "--hold j9: not a joint")
+@case("new robot --urdf {} --hold j1 --out made", 2, "JOINT=DEGREES")
+@case("new robot --urdf {} --stem 0,0,0 --out made", 2, "not all 0")
+@case("new robot --urdf {} --stylus-mm nan --out made", 2, "0.1 to 2000 mm")
+@case("new robot --urdf {} --out .", 2)
+def arm_of_five_joints(folder):
+    return arm(folder, 5)
+
+
+@case("new robot --urdf {} --out made", 2, "j0.* has velocity 0")
+def arm_without_speed(folder):
+    return arm(folder, 6, LIMIT.replace('velocity="1"', 'velocity="0"'))
+
+
+@case("new robot --urdf {} --out made", 2, "xacro")
+def arm_in_xacro(folder):
+    path = arm(folder, 6)
+    path.write_text(path.read_text().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ').replace('"0 0 0.1"', '"0 0 ${height}"'))
+    return path
+
+
+@case("new robot --urdf {} --out made", 2, "no place was found")
+def arm_that_hardly_moves(folder):
+    return arm(folder, 6, LIMIT.replace('"1" velocity', '"-0.99" velocity'))
+
+
 @broken("replay {}", 2, "different inspection plans")
 @broken("plan {}", 2, "different inspection plans")
 @broken("diagnose {} --plan plan-3", 2, "plan-3")

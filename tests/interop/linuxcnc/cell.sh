@@ -47,7 +47,7 @@ near() { # NAME ID EXPECTED_UM: the first error printed for ID is within 2 µm
     python3 - "$scratch/out.txt" "$2" "$3" <<'P' || { echo "FAILED $1"; cat "$scratch/out.txt"; exit 1; }
 import re, sys
 text, name, wanted = open(sys.argv[1]).read(), sys.argv[2], float(sys.argv[3])
-error = float(re.search(rf"^\s+{name}\s+[-\d.]+ mm\s+([-+][\d.]+) µm", text, re.M).group(1))
+error = float(re.search(rf"^\s+{name}\s+[-\d.]+ mm\s+([-+][\d.]+) (?:± [\d.]+ )?µm", text, re.M).group(1))
 print(f"  {name}: measured {error:+.1f} µm, the pins say {wanted:+.1f} µm")
 sys.exit(abs(error - wanted) > 2)
 P
@@ -71,7 +71,7 @@ near "next part" bore 0
 same() { # NAME FILE FILE: the size of the bore is the same within 1 µm, the quantum of two touches
     python3 - "$2" "$3" <<'P' || { echo "FAILED: $1"; cat "$3"; exit 1; }
 import re, sys
-sizes = [float(re.search(r"^\s+bore\s+[-\d.]+ mm\s+([-+][\d.]+) µm", open(name).read(), re.M).group(1)) for name in sys.argv[1:]]
+sizes = [float(re.search(r"^\s+bore\s+[-\d.]+ mm\s+([-+][\d.]+) (?:± [\d.]+ )?µm", open(name).read(), re.M).group(1)) for name in sys.argv[1:]]
 print(f"  bore: {sizes[0]:+.1f} µm and {sizes[1]:+.1f} µm")
 sys.exit(abs(sizes[0] - sizes[1]) > 1)
 P

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use machine::Chain;
+use nalgebra::DMatrix;
 use probecell_msgs::ControllerReply;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -427,4 +428,60 @@ fn a_goal_has_succeeded_only_within_a_millimetre_of_each_joint() {
     };
     let found = |name| sent.windows(32).any(|window| window == of(name));
     assert!(found(b'X') && found(b'Y'));
+}
+
+/// The size of a ball from five touches: of what errs in a touch only the instant of the contact is stated, 0.2 ms.
+#[test]
+fn the_stated_uncertainty_covers_the_size_of_balls_at_every_rate() {
+    const INSTANT: f64 = 0.2e-3;
+    let (sin, cos) = (1.05_f64).sin_cos();
+    let normals = [
+        [0.0, 0.0, 1.0],
+        [sin, 0.0, cos],
+        [-sin, 0.0, cos],
+        [0.0, sin, cos],
+        [0.0, -sin, cos],
+    ];
+    // Centre and radius by least squares: what each touch adds to the radius.
+    let design = DMatrix::from_fn(5, 4, |touch, column| match column {
+        3 => 1.0,
+        axis => normals[touch][axis],
+    });
+    let normal = (design.transpose() * &design)
+        .try_inverse()
+        .expect("a ball");
+    let shares = (normal * design.transpose()).row(3).transpose();
+    let expanded = 2.0 * INSTANT * FEED * shares.norm();
+    let mut random = Pcg64::seed_from_u64(400);
+    let (mut covered, mut worst, mut refused) = (0, 0.0_f64, 0);
+    for ball in 0..400 {
+        let period = [MS, 2 * MS, 4 * MS, 8 * MS, 20 * MS][ball % 5];
+        let stops_itself = random.random_bool(0.5);
+        let mut touch = || {
+            let late: f64 = random.sample(rand_distr::StandardNormal);
+            let outcome = measured(Behaviour {
+                seed: random.random(),
+                period,
+                jitter: random.random_range(MS / 2..5 * MS),
+                offsets: [0, (late * INSTANT * 1e9) as i64],
+                stops_itself,
+                ..Behaviour::default()
+            });
+            let is_done = outcome.reply.outcome == ControllerReply::DONE;
+            refused += u32::from(!is_done);
+            is_done.then(|| outcome.triggers[0].axis_positions[2])
+        };
+        // A touch that is refused is made again.
+        let radius: f64 = (shares.iter())
+            .map(|share| share * (0..20).find_map(|_| touch()).expect("a touch"))
+            .sum();
+        covered += usize::from(radius.abs() <= expanded);
+        worst = worst.max(radius.abs());
+    }
+    println!(
+        "{covered} of 400 within {:.2} µm, worst {:.2} µm; {refused} touches refused",
+        expanded * 1e6,
+        worst * 1e6
+    );
+    assert!(covered >= 380, "{covered} of 400");
 }
