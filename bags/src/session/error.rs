@@ -33,7 +33,7 @@ pub enum SessionError {
     #[error("no inspection plan on {0}")]
     NoPlan(String),
     /// The plan changed during the session.
-    #[error("{} different inspection plans on {topic}: {}", .plans.len(), .plans.join(", "))]
+    #[error("{} different inspection plans on {topic}: {}", .plans.len(), some(.plans))]
     SeveralPlans {
         /// Topic concerned.
         topic: String,
@@ -41,7 +41,7 @@ pub enum SessionError {
         plans: Vec<String>,
     },
     /// The plan wanted is not in the bag.
-    #[error("no inspection plan {wanted} in the bag; it has {}", .plans.join(", "))]
+    #[error("no inspection plan {wanted} in the bag; it has {}", some(.plans))]
     NoSuchPlan {
         /// Id asked for.
         wanted: String,
@@ -150,4 +150,17 @@ pub enum SessionError {
         /// What is wrong with the bag.
         damage: Damage,
     },
+}
+
+/// Names of a list that may be long: the first and the last of them.
+fn some(names: &[String]) -> String {
+    const FIRST: usize = 5;
+    match names {
+        [first @ .., last] if first.len() > FIRST + 1 => format!(
+            "{}, {} more, and {last}",
+            first[..FIRST].join(", "),
+            first.len() - FIRST
+        ),
+        all => all.join(", "),
+    }
 }

@@ -390,7 +390,7 @@ impl Table {
         for row in &rows {
             let padded = row.iter().zip(&widths);
             let line: Vec<String> = padded
-                .map(|(cell, width)| format!("{cell:<width$}"))
+                .map(|(cell, width)| format!("{cell:<width$}", width = width.min(&LINE)))
                 .collect();
             put(text, format_args!("  {}\n", line.join("  ").trim_end()));
         }
@@ -412,5 +412,27 @@ fn put(body: &mut String, text: std::fmt::Arguments<'_>) {
     // Writing to a string cannot fail.
     if body.write_fmt(text).is_err() {
         debug_assert!(false, "a string refused text");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Names of the measurements of a shift, in one cell of a table without a head.
+    #[test]
+    fn a_cell_of_any_length_is_written() {
+        let long = "punch_1/finish/1 ".repeat(10_000);
+        let mut table = Table::new("", &["", ""]);
+        table.row(vec!["measurements".to_owned(), long.clone()]);
+        table.row(vec!["cell".to_owned(), "turn_mill".to_owned()]);
+        let mut text = String::new();
+        table.text(&mut text);
+        assert!(text.contains(long.trim_end()));
+        assert!(
+            text.ends_with("  cell          turn_mill\n"),
+            "{:?}",
+            &text[text.len() - 40..]
+        );
     }
 }
