@@ -58,7 +58,7 @@ pub use diagnose::{diagnose, diagnose_with_residuals};
 pub use effects::{DeclaredEffect, DeclaredError, Session, SessionError};
 pub use joint::diagnose_together_with_residuals;
 pub use options::Options;
-pub use referenced::reading;
+pub use referenced::{is_of_cutting, reading};
 pub use report::numbers::in_display_units;
 pub use report::residuals::{self, Residuals};
 pub use report::{Report, Verdict};

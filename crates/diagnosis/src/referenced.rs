@@ -118,10 +118,15 @@ pub(crate) fn part(observations: &Observations) -> Option<ReferenceSplit> {
 
 /// Touches whose deviation is reading − reference, where a session was judged so.
 pub fn reading(observations: &Observations, residuals: &[TouchResiduals]) -> Option<Observations> {
-    let is_parted = residuals.first()?.compared == COMPARED[0];
-    part(observations)
-        .filter(|_| is_parted)
-        .map(|split| split.reading)
+    if residuals.first()?.compared != COMPARED[0] {
+        return None;
+    }
+    part(observations).map(|split| split.reading)
+}
+
+/// True for an effect that changes the part, not its measurement.
+pub fn is_of_cutting(effect: &str) -> bool {
+    acts_on(effect).is_some_and(|acts| acts.subject == Subject::Cutting)
 }
 
 /// True where the joint explanation does not hold: something is left, or the errors cancel in the reading.
@@ -146,9 +151,7 @@ pub(crate) fn report(
         variants.retain(|variant| wanted(&variant.effect) && !without.contains(&variant.effect));
         variants
     };
-    let of_cutting =
-        |effect: &str| acts_on(effect).is_some_and(|acts| acts.subject == Subject::Cutting);
-    let reading = offered(&parted.reading, &|effect| !of_cutting(effect));
+    let reading = offered(&parted.reading, &|effect| !is_of_cutting(effect));
     let (mut report, reading_touches) = explain(session, &parted.reading, &reading);
     // Records (clocks, grids) belong to the reading and are reported there.
     let quiet = Session {
@@ -157,10 +160,10 @@ pub(crate) fn report(
         ..session.clone()
     };
     let (of_part, lasting) = less_what_lasts(parted, &report);
-    let cutting = offered(&of_part, &of_cutting);
+    let cutting = offered(&of_part, &is_of_cutting);
     let (part, part_touches) = explain(&quiet, &of_part, &cutting);
     for (own, of_part) in report.declared.iter_mut().zip(&part.declared) {
-        if of_cutting(&own.effect) {
+        if is_of_cutting(&own.effect) {
             own.clone_from(of_part);
         }
     }
@@ -171,7 +174,7 @@ pub(crate) fn report(
         report.unexplained = part.unexplained;
     }
     let beyond = |effect: &Effect| {
-        of_cutting(&effect.effect) && (effect.rms_before - effect.rms_after) > uncertainty
+        is_of_cutting(&effect.effect) && (effect.rms_before - effect.rms_after) > uncertainty
     };
     report
         .effects
@@ -179,7 +182,7 @@ pub(crate) fn report(
     let improbable = part.rejected.into_iter();
     report
         .rejected
-        .extend(improbable.filter(|effect| of_cutting(&effect.effect)));
+        .extend(improbable.filter(|effect| is_of_cutting(&effect.effect)));
     report.verdict = match (
         report.unexplained.place.is_empty(),
         report.effects.is_empty(),

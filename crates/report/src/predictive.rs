@@ -23,8 +23,7 @@ use std::collections::BTreeSet;
 use diagnosis::residuals::TouchResiduals;
 use diagnosis::{Report, Residuals};
 use effects::declared::{Acting, predicted};
-use effects::effect::Subject;
-use effects::{Observations, Session, registry};
+use effects::{Observations, Session};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use serde::Serialize;
@@ -185,7 +184,7 @@ impl Predictive {
         let mut not_simulated = Vec::new();
         let certain = acting.len();
         for found in &report.effects {
-            if is_parted && is_of_the_part(&found.effect) {
+            if is_parted && diagnosis::is_of_cutting(&found.effect) {
                 let reason = "acts on the part, which the reference measured";
                 not_simulated.push((found.effect.clone(), reason.to_owned()));
                 continue;
@@ -318,11 +317,6 @@ fn judged(mut statistics: Vec<Statistic>) -> Vec<Statistic> {
     }
     statistics.sort_by(|a, b| a.p.total_cmp(&b.p));
     statistics
-}
-
-/// True for what changes the part and not its measurement.
-fn is_of_the_part(effect: &str) -> bool {
-    registry::acts_on(effect).is_some_and(|acts| acts.subject == Subject::Cutting)
 }
 
 /// Rows of the touches that were not set aside, by time.

@@ -5,6 +5,7 @@ use machine::{Chain, JointKind, LinkError};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::numbers::in_display_units;
 use super::{Effect, Report};
 
 /// An axis of a joint within this angle of an axis of its frame is one of it, rad.
@@ -21,13 +22,22 @@ pub struct JointZero {
     pub ci95: [f64; 2],
 }
 
+impl JointZero {
+    /// Its size in display units, with its interval.
+    pub(crate) fn size(&self) -> String {
+        let text = in_display_units("zero", self.value, "rad", Some(self.ci95));
+        text.split_once(" = ")
+            .map_or(text.clone(), |(_, size)| size.to_owned())
+    }
+}
+
 impl Effect {
     /// What it is, as people call it: the zero of a joint where it is one, else as [`vocabulary::describe`].
     pub fn words(&self) -> String {
         let zero = self.joint_zero.as_ref();
         zero.map_or_else(
             || vocabulary::describe(&self.effect),
-            |zero| format!("zero of joint {}", zero.joint),
+            |zero| format!("zero of {}", zero.joint),
         )
     }
 }

