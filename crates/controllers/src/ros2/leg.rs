@@ -90,7 +90,7 @@ impl Leg {
                 }
                 Some(false) => {
                     return Err(
-                        "the controller does not accept the trajectory; an action gives no reason, the log of the controller does (one that is not active accepts none)"
+                        "the controller does not accept the trajectory; the reason is in its log (a controller that is not active accepts none)"
                             .to_owned(),
                     );
                 }
@@ -122,7 +122,7 @@ impl Leg {
                 return text;
             }
             format!(
-                "the controller has not ended the trajectory within {:.1} s, and {}; a protective stop, a blocked joint or a speed of 0 does that",
+                "the controller has not ended the trajectory within {:.1} s, and {}; possible causes: a protective stop, a blocked joint, a speed of 0",
                 self.limit.as_secs_f64(),
                 self.place(received, world.frame)
             )
@@ -136,14 +136,19 @@ impl Leg {
 
     /// A trajectory that has not come to its target has met a contact, whose message may be on its way.
     pub(super) fn check_end(&self, at: Instant, one: &ProbingMove) -> Result<(), String> {
-        let (Some(failed), Some(ended), None) = (&self.failed, self.ended, self.contact) else {
+        let (Some(failed), Some(_), None) = (&self.failed, self.ended, self.contact) else {
             return Ok(());
         };
-        let is_over = at.saturating_duration_since(ended) > CONTACT_FOLLOWS;
-        if one.kind != ProbingMove::TOUCH || is_over || !failed.may_be_a_contact() {
+        let may_follow = one.kind == ProbingMove::TOUCH && self.contact_may_follow(at);
+        if !(may_follow && failed.may_be_a_contact()) {
             return Err(failed.sentence());
         }
         Ok(())
+    }
+
+    /// The message of a contact at which the trajectory has ended may still be on its way.
+    pub(super) fn contact_may_follow(&self, at: Instant) -> bool {
+        (self.ended).is_some_and(|ended| at.saturating_duration_since(ended) <= CONTACT_FOLLOWS)
     }
 
     /// A trajectory that has succeeded, and after which the robot stands, has come to its target.

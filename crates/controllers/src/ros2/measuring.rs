@@ -238,8 +238,14 @@ impl Measurement {
             return late.map(|()| false).map_err(alarm);
         }
         if let Err(text) = leg.check_target(received, world.frame) {
+            let may_be_a_contact =
+                one.kind == ProbingMove::TOUCH && leg.contact_may_follow(world.at);
             self.leg = Some(leg);
-            return Err(alarm(text));
+            return if may_be_a_contact {
+                Ok(false)
+            } else {
+                Err(alarm(text))
+            };
         }
         received.disarm();
         if one.kind != ProbingMove::TOUCH {

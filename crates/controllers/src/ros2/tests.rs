@@ -483,5 +483,5 @@ fn the_stated_uncertainty_covers_the_size_of_balls_at_every_rate() {
         expanded * 1e6,
         worst * 1e6
     );
-    assert!(covered >= 380, "{covered} of 400");
+    assert_eq!(covered, 382);
 }
