@@ -578,9 +578,17 @@ def arm(folder, joints, limit=LIMIT, name="arm.urdf"):
 @case("new robot --urdf {} --hold j1 --out made", 2, "JOINT=DEGREES")
 @case("new robot --urdf {} --stem 0,0,0 --out made", 2, "not all 0")
 @case("new robot --urdf {} --stylus-mm nan --out made", 2, "0.1 to 2000 mm")
-@case("new robot --urdf {} --out .", 2)
 def arm_of_five_joints(folder):
     return arm(folder, 5)
+
+
+@case("new robot --urdf {} --out .", 2, "--out has no name")
+@case("new robot --urdf {} --out taken", 2, "taken exists: name another folder")
+@case("new robot --urdf {} --out my-robot", 2, "my-robot.* names the cell")
+@case("new robot --urdf {} --mount l6 --hold j2=99 --out made", 2, "--hold j2=99.000: its travel is -57.296")
+def arm_of_six_joints(folder):
+    (folder / "taken").mkdir()
+    return arm(folder, 6)
 
 
 @case("new robot --urdf {} --out made", 2, "j0.* has velocity 0")

@@ -2,11 +2,10 @@
 //!
 //! A robot description says neither where a probe hangs nor where a part can be measured. Both are found here: the stem
 //! points along the last axis, away from the arm, and the balls stand where the arm is farthest from a singularity of those
-//! places that the planner can measure. Everything that was assumed is told, and is a line of the cell file. Lengths in m,
-//! frames as in the interface contract.
+//! places that the planner can measure. What was found is told; what only the owner knows stands in the cell file, marked so.
+//! Lengths in m, frames as in the interface contract.
 
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::fmt::Write as _;
 
 use machine::{Chain, JointKind, Side, Target, as_cell, van_der_corput};
 use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
@@ -37,6 +36,13 @@ const STARTS: u32 = 6;
 const CLEAR: f64 = 0.02;
 /// Places that are planned before an arm is given up.
 const PLACES: usize = 6;
+/// The balls stand at least so far above the plane z = 0 of the root, on which an arm usually stands, m.
+const ABOVE: f64 = 0.03;
+/// Heights of the part over the shoulder, and over the lowest that this leaves, as shares of the reach.
+const HEIGHTS: [f64; 4] = [-0.25, 0.0, -0.45, 0.2];
+const LOWEST: [f64; 3] = [0.0, 0.15, 0.3];
+/// A joint is held so far within its travel, rad.
+const WITHIN: f64 = 1e-3;
 /// An axis reaches its top speed in this time, s, where nothing else is declared.
 const RAMP: f64 = 0.25;
 /// A tip nearer than this to the joint before it does not say which way the stem points, m.
@@ -49,7 +55,7 @@ pub struct Wanted {
     pub name: String,
     /// Name of the file of the description that the cell will name.
     pub description: String,
-    /// Link that carries the probe; default: the end of the longest way of joints.
+    /// Link that carries the probe; default: the one behind the most joints.
     pub mount: Option<String>,
     /// Direction of the stem from the mount to the ball, in the frame of the mount; default: along the last axis.
     pub stem: Option<[f64; 3]>,
@@ -87,15 +93,34 @@ pub enum NewRobotError {
         /// Its joints.
         axes: Vec<String>,
     },
+    /// The name of the folder.
+    #[error("--out: {0:?} names the cell, and has to consist of letters, digits and underscores")]
+    Name(String),
+    /// Two links that could carry the probe.
+    #[error("--mount {0}: the description has a link probe_mount, which carries the probe")]
+    Mount(String),
+    /// An arm on a rail or a lift.
+    #[error("joint {0} slides: make it `fixed` in the description where the arm measures")]
+    Slides(String),
+    /// A joint that cannot stand there.
+    #[error("--hold {joint}={}: its travel is {:.3}° to {:.3}°", at.to_degrees(), travel.0.to_degrees(), travel.1.to_degrees())]
+    Outside {
+        /// Name of the joint.
+        joint: String,
+        /// rad
+        at: f64,
+        /// rad
+        travel: (f64, f64),
+    },
     /// A name that is no joint of the arm.
-    #[error("--hold {0}: not a joint of the arm that turns; it has {1}")]
+    #[error("--hold {0}: not a joint of the arm; it has {1}")]
     Held(String, String),
     /// A joint without a speed.
     #[error("joint {0} has no velocity in its <limit>: how fast may it turn?")]
     Speed(String),
     /// The mount lies on the last joint.
     #[error(
-        "which way the probe points cannot be told: {mount} lies within 2 mm of the joint before the last; say it in the frame of {mount}, for example --stem 0,0,1"
+        "which way the probe points cannot be told: along the last axis {mount} is within 2 mm of the joints before; say it in the frame of {mount}, for example --stem 0,0,1"
     )]
     Stem {
         /// Link that carries the probe.
@@ -128,31 +153,38 @@ pub fn new_robot(
     wanted: &Wanted,
     progress: &mut dyn FnMut(&PlanProgress),
 ) -> Result<NewRobot, NewRobotError> {
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
+    if wanted.name.is_empty() || !wanted.name.chars().all(is_plain) {
+        return Err(NewRobotError::Name(wanted.name.clone()));
+    }
     // Joints that slide are fingers, lifts and rails.
     let turning: Vec<String> = (machine::tree::joints(description)?.into_iter())
         .filter(|one| one.joint.kind == JointKind::Revolute)
         .map(|one| one.joint.name)
         .collect();
     let made = as_cell(description, wanted.mount.as_deref(), &turning)?;
+    if let Some(named) = &wanted.mount
+        && *named != made.mount
+    {
+        return Err(NewRobotError::Mount(named.clone()));
+    }
     let chain = Chain::from_urdf(&made.text)?;
     let mut assumed = made.added;
     let arm = Arm::new(&chain, wanted, &made.mount, &mut assumed)?;
-    let mut places = arm.places();
-    let tried = places.len();
-    places.retain(|place| place.dexterity > 0.0);
-    // Of those away from singularities first where every joint turns most: a zero acts at all angles of its joint alike.
-    let best = places
-        .iter()
-        .map(|place| place.dexterity)
-        .fold(0.0, f64::max);
-    places.sort_by(|a, b| {
-        let rank = |place: &Place| (place.dexterity > 0.5 * best, place.turned);
-        let ((a_far, a_turned), (b_far, b_turned)) = (rank(a), rank(b));
-        b_far.cmp(&a_far).then(b_turned.total_cmp(&a_turned))
-    });
-    let reached = places.len();
-    let mut because = None;
+    let (mut tried, mut reached, mut because) = (0, 0, None);
     for tilt in TILTS {
+        let mut places = arm.places(tilt);
+        tried += places.len();
+        places.retain(|place| place.dexterity > 0.0);
+        reached += places.len();
+        // Of those away from singularities first where every joint turns most: a zero acts at all angles of its joint alike.
+        let all = places.iter().map(|place| place.dexterity);
+        let best = all.fold(0.0, f64::max);
+        places.sort_by(|a, b| {
+            let rank = |place: &Place| (place.dexterity > 0.5 * best, place.turned);
+            let ((a_far, a_turned), (b_far, b_turned)) = (rank(a), rank(b));
+            b_far.cmp(&a_far).then(b_turned.total_cmp(&a_turned))
+        });
         for place in places.iter().take(PLACES) {
             let text = CellText {
                 name: format!("{}.toml", wanted.name),
@@ -214,16 +246,28 @@ impl<'a> Arm<'a> {
         assumed: &mut Vec<String>,
     ) -> Result<Self, NewRobotError> {
         let names: Vec<&str> = chain.axis_names().collect();
+        if let Some(slides) =
+            (0..names.len()).find(|&axis| chain.axis(axis).kind != JointKind::Revolute)
+        {
+            return Err(NewRobotError::Slides(names[slides].to_owned()));
+        }
         let mut held = vec![None; names.len()];
         for (name, position) in &wanted.held {
             let known = (chain.axis_index(name))
-                .filter(|&axis| chain.axis(axis).kind == JointKind::Revolute)
                 .ok_or_else(|| NewRobotError::Held(name.clone(), names.join(", ")))?;
+            let travel = travel(chain, known);
+            if !(travel.0..=travel.1).contains(position) {
+                return Err(NewRobotError::Outside {
+                    joint: name.clone(),
+                    at: *position,
+                    travel,
+                });
+            }
             held[known] = Some(*position);
         }
         if wanted.held.is_empty() && names.len() == FREE + 1 {
             let (lower, upper) = travel(chain, 2);
-            let position = 0.0_f64.clamp(lower, upper);
+            let position = 0.0_f64.max(lower + WITHIN).min(upper - WITHIN);
             held[2] = Some(position);
             assumed.push(format!(
                 "of seven joints {} is held at {:.0}° (--hold)",
@@ -301,24 +345,34 @@ impl<'a> Arm<'a> {
         BALLS.map(|ball| Vector3::from(ball) * self.scale())
     }
 
-    /// Places about the shoulder, each judged by the attitudes with the largest tilt.
-    fn places(&self) -> Vec<Place> {
+    /// Places about the shoulder, judged by the attitudes with a tilt, rad.
+    fn places(&self, tilt: f64) -> Vec<Place> {
         let workpiece = self.chain.end_pose(Side::Part, &vec![0.0; self.held.len()]);
+        let lowest = self
+            .balls()
+            .iter()
+            .map(|ball| ball.z)
+            .fold(f64::INFINITY, f64::min);
+        let floor = ABOVE - lowest;
+        let over_shoulder = HEIGHTS.map(|share| self.shoulder.z + share * self.reach);
+        let over_floor = LOWEST.map(|share| floor + share * self.reach);
+        let heights = over_shoulder.into_iter().filter(|&height| height > floor);
         let mut places = Vec::new();
-        for height in [-0.25, 0.0, -0.45, 0.2] {
+        for height in heights.chain(over_floor) {
             for distance in [0.55, 0.45, 0.65, 0.35] {
                 for turn in [0.0, 0.5, -0.5, 1.0, 0.25, -0.25, 0.75, -0.75] {
                     let angle: f64 = turn * PI;
-                    let outwards = Vector3::new(angle.cos(), angle.sin(), 0.0) * distance;
-                    let at = self.shoulder.coords + (outwards + Vector3::z() * height) * self.reach;
-                    places.push(self.judged((workpiece.inverse() * Point3::from(at)).coords));
+                    let outwards =
+                        Vector3::new(angle.cos(), angle.sin(), 0.0) * distance * self.reach;
+                    let at = Vector3::new(self.shoulder.x, self.shoulder.y, height) + outwards;
+                    places.push(self.judged(tilt, (workpiece.inverse() * Point3::from(at)).coords));
                 }
             }
         }
         places
     }
 
-    fn judged(&self, part: Vector3<f64>) -> Place {
+    fn judged(&self, tilt: f64, part: Vector3<f64>) -> Place {
         let pose = Isometry3::translation(part.x, part.y, part.z);
         let mut place = Place {
             part,
@@ -329,7 +383,7 @@ impl<'a> Arm<'a> {
         let mut stood: Vec<Vec<f64>> = Vec::new();
         let mut starts: Vec<Vec<f64>> = (1..=STARTS).map(|start| self.sample(start)).collect();
         for ball in self.balls() {
-            for stem in stems(TILTS[0]) {
+            for stem in stems(tilt) {
                 let above = ball + stem.into_inner() * (BALL_RADIUS + CLEAR);
                 // The arm goes on in the posture of the attitude before, where that leads there.
                 let mut nearest: Option<(f64, Vec<f64>)> = None;
@@ -392,14 +446,14 @@ impl<'a> Arm<'a> {
     }
 
     fn cell_file(&self, place: &Place, tilt: f64) -> String {
-        let mut text = self.head(place);
+        let mut parts = vec![self.head(place)];
         let mut names = Vec::new();
         let sides = ["up", "left", "right", "near", "far"];
         let held: Vec<f64> = self.held.iter().filter_map(|held| *held).collect();
         let rotary = if held.iter().any(|&at| at != 0.0) {
             let at: Vec<String> = held
                 .iter()
-                .map(|at| format!("{:.3}", at.to_degrees()))
+                .map(|at| format!("{:.6}", at.to_degrees()))
                 .collect();
             format!("rotary_deg = [{}]\n", at.join(", "))
         } else {
@@ -411,47 +465,49 @@ impl<'a> Arm<'a> {
                 let touches: Vec<String> = touches(&stem, 0.37 * (number * 5 + turn) as f64)
                     .map(|normal| format!("[{}]", millimetres(&(ball + normal * BALL_RADIUS))))
                     .into();
-                let _ = write!(
-                    text,
+                parts.push(format!(
                     "\n[[part.features]]\nid = \"{name}\"\nkind = \"sphere\"\norigin_mm = [{}]\nradius_mm = {:.1}\n\
                      tolerance_um = [-500.0, 500.0]\nstem_directions = [[{}]]\n{rotary}touch_points_mm = [\n    {},\n]\n",
                     millimetres(ball),
                     BALL_RADIUS * 1e3,
                     numbers(&stem, 1.0),
                     touches.join(", "),
-                );
+                ));
                 names.push(name);
             }
         }
         let characteristics: Vec<String> = (names.iter())
             .map(|name| format!("    {{ id = \"{name}\", tolerance_mm = 0.500 }},\n"))
             .collect();
-        text + &self.tail(place, &characteristics.concat())
+        parts.push(self.tail(place, &characteristics.concat()));
+        parts.concat()
     }
 
     fn head(&self, place: &Place) -> String {
         let Wanted {
             name, description, ..
         } = self.wanted;
-        let mut rotary = String::new();
         let held: Vec<(&str, f64)> = (self.chain.axis_names().zip(&self.held))
             .filter_map(|(name, held)| Some((name, (*held)?)))
             .collect();
-        if !held.is_empty() {
-            let names: Vec<String> = held.iter().map(|(name, _)| format!("{name:?}")).collect();
-            let _ = writeln!(
-                rotary,
-                "rotary_axes = [{}]   # held while the arm measures, at rotary_deg of the feature, else at 0",
+        let names: Vec<String> = held.iter().map(|(name, _)| format!("{name:?}")).collect();
+        let rotary = if held.is_empty() {
+            String::new()
+        } else {
+            format!(
+                "rotary_axes = [{}]   # held while the arm measures, at rotary_deg of the feature, else at 0\n",
                 names.join(", ")
-            );
-        }
+            )
+        };
         format!(
             "# Three reference balls, each touched upright and tilted to four sides, so that the joints stand differently for the same\n\
              # place: `probecell diagnose` of the recording says which joint errs, and how. The arm is simulated until\n\
-             # driver.source is \"ros2\".\n\n\
+             # driver.source is \"ros2\". Table, fence and the arm itself are not in the model: before the real arm moves, set its travels\n\
+             # to what is free, and make the first part slowly.\n\n\
              [cell]\nname = \"{name}\"\nrobot_description = \"{description}\"\npart = \"balls\"\n\n\
              [driver]\nsource = \"simulator\"   # \"ros2\": the arm on the topics of [ros2]\n\n\
              [ros2]\njoint_states = \"/joint_states\"\naction = \"/joint_trajectory_controller/follow_joint_trajectory\"\n\
+             # Enter yours: what the contact is late by, and how well that is known. Both enter each touch and its uncertainty.\n\
              contact = {{ topic = \"/contact\", positions = \"interpolated\", delay_ms = 0.5, time_standard_uncertainty_ms = 0.2 }}\n\n\
              [part]\nid = \"three_balls\"\nmachined_on_this_machine = false\nposition_mm = [{}]   # in the frame of workpiece\n\
              approach_mm = 3.0\nretract_mm = 3.0\nfeed_mm_per_min = 300.0\nstem_turns = 8\n{rotary}\
@@ -463,42 +519,46 @@ impl<'a> Arm<'a> {
     }
 
     fn tail(&self, place: &Place, characteristics: &str) -> String {
-        let mut axes = String::new();
+        let mut axes = Vec::new();
         let mut home = Vec::new();
         for (axis, name) in self.chain.axis_names().enumerate() {
             let speed = self.chain.axis(axis).speed.unwrap_or(1.0).to_degrees();
-            let _ = writeln!(
-                axes,
-                "{name:?} = {{ acceleration_deg_per_s2 = {:.1} }}",
+            axes.push(format!(
+                "{name:?} = {{ acceleration_deg_per_s2 = {:.1} }}\n",
                 speed / RAMP
-            );
+            ));
             home.push(format!(
-                "{name:?} = {{ position_deg = {:.3} }}",
+                "{name:?} = {{ position_deg = {:.6} }}",
                 place.home[axis].to_degrees()
             ));
         }
+        let axes = axes.concat();
         format!(
             "\n[path_planning]\novertravel_mm = 2.0\npostures = 2\n\n\
              # No robot description has accelerations: top speed after {RAMP} s is assumed.\n[motion.axes]\n{axes}\n\
-             [analysis]\ntouch_standard_uncertainty_um = 5.0\ncommon_standard_uncertainty_um = 3.0\n\n\
+             # Enter yours: what a touch scatters by, and what all have in common.\n[analysis]\ntouch_standard_uncertainty_um = 5.0\ncommon_standard_uncertainty_um = 3.0\n\n\
              [compensation]\nwear_limit_mm = 0.110\nmax_corrections = 0\ncharacteristics = [\n{characteristics}]\n\n\
              [cycle]\npasses = [{{ name = \"check\" }}]\n\n\
              [simulator]\nseed = 1\nhome = {{ {} }}\n\
              probe = {{ center_error_um = [0.0, 0.0, 0.0], radius_error_um = 0.0, touch_sd_um = 4.0 }}\n\
              plant = {{ spring_back = 0.0, cut_sd_um = 0.0 }}\n\n\
              # What the simulated arm hides; location errors as ISO 230-1 names them, in the frame of the joint.\n\
-             [simulator.machine]\nerrors = [{{ name = \"{}\", value_urad = 300.0 }}]\njoints = []\n",
+             [simulator.machine]\nerrors = [{}]\njoints = []\n",
             home.join(", "),
             self.zero_of_second(),
         )
     }
 
-    /// Name of the zero error of the second joint that moves.
+    /// The zero of the second joint that moves, where its axis is one of its frame.
     fn zero_of_second(&self) -> String {
         let free = (0..self.held.len()).filter(|&axis| self.held[axis].is_none());
         let joint = self.chain.axis(free.clone().nth(1).unwrap_or(0));
-        let component = ['A', 'B', 'C'][joint.axis.iamax()];
-        format!("E{component}0{}", joint.name)
+        let along = joint.axis.iamax();
+        if joint.axis[along].abs() < 1.0 - 1e-6 {
+            return String::new();
+        }
+        let name = format!("E{}0{}", ['A', 'B', 'C'][along], joint.name);
+        format!("{{ name = {name:?}, value_urad = 300.0 }}")
     }
 }
 

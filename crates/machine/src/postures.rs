@@ -33,7 +33,7 @@ const CORRECTION: f64 = 0.05;
 /// Starts of the search for arms of no known family; it ends after so many in a row that found nothing new.
 const STARTS: u32 = 300;
 const IN_VAIN: u32 = 200;
-/// Iterations of one of them: a start that leads to a posture does so in fewer.
+/// Iterations of one of them: most starts that lead to a posture do so in fewer.
 const ITERATIONS: usize = 40;
 /// Bases of the Halton sequence (J. H. Halton, Numerische Mathematik 2, 1960) of those starts.
 const BASES: [u32; JOINTS] = [2, 3, 5, 7, 11, 13];

@@ -25,8 +25,8 @@ pub struct CellDescription {
 /// Names by which descriptions call the place of a tool, the most precise first (ROS-Industrial; REP 199).
 const TOOL_FRAMES: [&str; 3] = ["tool0", "flange", "ee_link"];
 
-/// Adds the links of a cell where a URDF text lacks them. The probe hangs on `mount`; where that is not named, behind the longest
-/// way of joints among those in `reported`: on the frame of a tool there, or on the last link.
+/// Adds the links of a cell where a URDF text lacks them. The probe hangs on `mount`; where that is not named, on the link behind the
+/// most of the joints in `reported`, the frame of a tool first. A description with a link `probe_mount` keeps it.
 ///
 /// # Errors
 /// [`ChainError::Urdf`] where the text is no robot description, or where it has no link `mount`.
@@ -69,7 +69,8 @@ pub fn as_cell(
             // Of links behind equally many joints that move the nearest: fingers hang on fixed joints of a flange.
             let links = robot.links.iter().map(|link| link.name.as_str());
             let rank = |link: &str| {
-                let named = TOOL_FRAMES.iter().position(|name| link.ends_with(name));
+                let is = |name: &&str| link == *name || link.ends_with(&format!("_{name}"));
+                let named = TOOL_FRAMES.iter().position(is);
                 TOOL_FRAMES.len() - named.unwrap_or(TOOL_FRAMES.len())
             };
             let end = links.max_by_key(|link| {
@@ -115,7 +116,11 @@ pub fn as_cell(
     Ok(CellDescription {
         text: format!("{}{}{}", &text[..end], elements.concat(), &text[end..]),
         added,
-        mount: tip.to_owned(),
+        mount: if has(PROBE_MOUNT) {
+            PROBE_MOUNT.to_owned()
+        } else {
+            tip.to_owned()
+        },
     })
 }
 
@@ -150,6 +155,16 @@ mod tests {
             as_cell(&made.text, None, &reported).expect("a cell").text,
             made.text
         );
+        // The frame of a tool is taken before the link that is nearer, and no name that only ends like one.
+        let frames = ARM.replace(
+            "<joint name=\"grip\"",
+            r#"<link name="ee_link"/><link name="arm_tool0"/><link name="mytool0"/>
+            <joint name="e" type="fixed"><parent link="flange"/><child link="ee_link"/></joint>
+            <joint name="m" type="fixed"><parent link="flange"/><child link="mytool0"/></joint>
+            <joint name="t" type="fixed"><parent link="ee_link"/><child link="arm_tool0"/></joint><joint name="grip""#,
+        );
+        let framed = as_cell(&frames, None, &reported).expect("a robot");
+        assert_eq!(framed.mount, "arm_tool0");
         let told = as_cell(ARM, Some("tool"), &reported).expect_err("no such link");
         assert!(told.to_string().contains("no link `tool`"), "{told}");
     }

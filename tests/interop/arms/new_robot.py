@@ -2,7 +2,8 @@
 
     new_robot.py PROBECELL [ARM...]
 
-Each simulated arm hides a zero of 300 µrad in its second joint, in the joint's own sense. Inside a network namespace.
+Each simulated arm hides an error of 300 µrad about an axis of the frame of its second joint: its zero, with the sign of its axis there.
+Inside a network namespace.
 """
 
 import json
@@ -11,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import xml.etree.ElementTree as tree
 
 import robots
 
@@ -30,10 +32,12 @@ ARMS = {
 }
 
 
-def second_joint(cell):
-    """Name of the joint in whose zero the error is planted."""
+def planted(cell, description):
+    """Name of the joint whose zero errs, and by how much in its own sense, rad."""
     name = json.loads(cell.split("errors = [{ name = ")[1].split(",")[0])
-    return name[3:]
+    [joint] = [one for one in tree.fromstring(description).findall("joint") if one.get("name") == name[3:]]
+    axis = joint.find("axis").get("xyz").split()
+    return name[3:], HIDDEN * float(axis["ABC".index(name[1])])
 
 
 def check(program, arm):
@@ -50,18 +54,17 @@ def check(program, arm):
         assert part.returncode == 0, part.stdout + part.stderr
         [recording] = pathlib.Path(folder, "recordings").iterdir()
         report = json.loads(run(program, "diagnose", "--json", recording).stdout)
-        joint = second_joint(cell.read_text())
+        joint, expected = planted(cell.read_text(), path.read_text())
         named = [effect for effect in report["effects"] if effect.get("joint_zero")]
         assert len(named) == len(report["effects"]) == 1, report["effects"]
         zero = named[0]["joint_zero"]
-        sense = 1.0 if named[0]["parameters"][0]["value"] * zero["value"] > 0 else -1.0
         low, high = zero["ci95"]
         half = (high - low) / 2
         assert zero["joint"] == joint, zero
-        assert abs(zero["value"] - sense * HIDDEN) < 2 * half, (zero, sense)
+        assert abs(zero["value"] - expected) < 2 * half, (zero, expected)
         group = named[0]["group"]
         print(
-            f"{arm:16} zero of {joint}: {zero['value'] * 1e6:.1f} ± {half * 1e6:.1f} µrad of {sense * HIDDEN * 1e6:.0f}"
+            f"{arm:16} zero of {joint}: {zero['value'] * 1e6:.1f} ± {half * 1e6:.1f} µrad of {expected * 1e6:.0f}"
             f"{', or ' + ', '.join(group[1:]) if len(group) > 1 else ''}; cell in {planned:.1f} s, all in {time.monotonic() - begun:.0f} s",
             flush=True,
         )

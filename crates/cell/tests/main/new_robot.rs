@@ -17,10 +17,10 @@ const TWO_PARALLEL: [&str; 6] = [
 
 /// A chain of joints that turn, by the place and attitude of each and its axis.
 fn arm(joints: &[&str], limit: &str) -> String {
-    let links: String = (0..=joints.len())
+    let links: Vec<String> = (0..=joints.len())
         .map(|number| format!("<link name=\"l{number}\"/>"))
         .collect();
-    let joints: String = (joints.iter().enumerate())
+    let joints: Vec<String> = (joints.iter().enumerate())
         .map(|(number, joint)| {
             let (origin, axis) = joint.split_once(';').expect("an axis");
             let (at, turned) = origin.split_at(origin.match_indices(' ').nth(2).expect("six numbers").0);
@@ -32,7 +32,11 @@ fn arm(joints: &[&str], limit: &str) -> String {
             )
         })
         .collect();
-    format!("<robot name=\"arm\">{links}{joints}</robot>")
+    format!(
+        "<robot name=\"arm\">{}{}</robot>",
+        links.concat(),
+        joints.concat()
+    )
 }
 
 const LIMIT: &str = r#"<limit lower="-2.9" upper="2.9" velocity="2" effort="50"/>"#;
@@ -93,6 +97,20 @@ fn what_an_arm_lacks_is_named() {
     short[5] = "0 0 0 0 0 0;0 0 1";
     let short = refused(&arm(&short, LIMIT), &wanted());
     assert!(short.contains("--stem 0,0,1"), "{short}");
+    let sliding = arm(&TWO_PARALLEL, LIMIT).replacen("revolute", "prismatic", 1);
+    let sliding = refused(&sliding, &wanted());
+    assert!(sliding.starts_with("joint j1 slides"), "{sliding}");
+    let mut named = wanted();
+    named.name = "my-robot".to_owned();
+    let named = refused(&arm(&TWO_PARALLEL, LIMIT), &named);
+    assert!(
+        named.starts_with("--out: \"my-robot\" names the cell"),
+        "{named}"
+    );
+    let mut outside = wanted();
+    outside.held = vec![("j2".to_owned(), 3.0)];
+    let outside = refused(&arm(&TWO_PARALLEL, LIMIT), &outside);
+    assert!(outside.starts_with("--hold j2=171.887"), "{outside}");
     let mut held = wanted();
     held.held = vec![("j9".to_owned(), 0.0)];
     let held = refused(&arm(&TWO_PARALLEL, LIMIT), &held);

@@ -11,7 +11,7 @@ const STEM: f64 = 0.7;
 const FREE: f64 = 0.5;
 /// Radius of a spindle probe's body, m: 40 mm across is the most common.
 const PROBE_BODY: f64 = 0.02;
-/// Share of the distance from a body to which that of a shaft is given: far from a body a lower bound does.
+/// A piece of a shaft shorter than this share of its distance from a body is bounded from below, not halved.
 const COARSE: f64 = 0.2;
 /// Pieces of a shaft shorter than this are judged by their ends, m.
 const PIECE: f64 = 5e-4;
@@ -33,8 +33,6 @@ struct Shaft {
 pub struct Stylus {
     ball_radius: f64,
     shafts: Vec<Shaft>,
-    /// Pieces of a shaft shorter than this share of their distance from a body are bounded from below, not halved.
-    coarse: f64,
 }
 
 impl Stylus {
@@ -46,14 +44,12 @@ impl Stylus {
                 ends: [0.0, 1.0],
                 radius: STEM * nominal.ball_radius,
             }],
-            coarse: COARSE,
         }
     }
 
-    /// A shaft with round ends from end to end, m. Its clearance is given to a tenth.
+    /// A shaft with round ends from end to end, m.
     pub fn capsule(radius: f64) -> Self {
         Self {
-            coarse: COARSE,
             ball_radius: radius,
             shafts: vec![Shaft {
                 ends: [0.0, 1.0],
@@ -77,7 +73,6 @@ impl Stylus {
         (length > 2.0 * nominal.ball_radius && length > 0.0).then(|| Self {
             ball_radius: nominal.ball_radius,
             shafts: vec![stem, body],
-            coarse: COARSE,
         })
     }
 
@@ -89,8 +84,8 @@ impl Stylus {
             .fold(self.ball_radius, f64::max)
     }
 
-    /// How far the stylus is from a body, m; negative where it enters it. A lower bound, as [`Body::distance`] is, to
-    /// what a shaft can curve in over half a millimetre.
+    /// How far the stylus is from a body, m; negative where it enters it. A lower bound, as [`Body::distance`] is, at most a tenth
+    /// too small, and to what a shaft can curve in over half a millimetre.
     pub fn clearance(&self, body: &Body, pose: &StylusPose) -> f64 {
         let [near, far] = [body.distance(&pose[0]), body.distance(&pose[1])];
         let mut clear = near - self.ball_radius;
@@ -107,7 +102,6 @@ impl Stylus {
             let within = Axis {
                 body,
                 enough: clear + shaft.radius,
-                coarse: self.coarse,
             };
             let least = within.least((&start.0, start.1), (&end.0, end.1));
             clear = clear.min(least - shaft.radius);
@@ -121,8 +115,6 @@ struct Axis<'a> {
     body: &'a Body,
     /// m; a larger distance need not be known.
     enough: f64,
-    /// As that of the stylus.
-    coarse: f64,
 }
 
 impl Axis<'_> {
@@ -135,7 +127,7 @@ impl Axis<'_> {
         if bound >= self.enough || length <= PIECE {
             return ends;
         }
-        if length <= self.coarse * ends {
+        if length <= COARSE * ends {
             return bound;
         }
         let middle = nalgebra::center(a.0, b.0);

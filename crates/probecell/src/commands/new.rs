@@ -31,7 +31,7 @@ pub(crate) struct Robot {
     /// Folder to write; the cell has its name. Must not exist.
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
-    /// Link that carries the probe; default: the end of the longest way of joints.
+    /// Link that carries the probe; default: the one behind the most joints.
     #[arg(long, value_name = "LINK")]
     mount: Option<String>,
     /// Direction from that link to the ball, in its frame; default: along the last axis, away from the arm.
