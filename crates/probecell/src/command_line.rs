@@ -118,24 +118,30 @@ pub(crate) enum Command {
     Run {
         /// Name of the part.
         part: String,
-        /// Cell file.
-        #[arg(long, default_value = DEFAULT_CELL)]
-        cell: PathBuf,
+        /// Wait for its end; exit status 1 if it is not qualified.
+        #[arg(long)]
+        wait: bool,
+        /// Make so many, one after the other, until one is not qualified; waits for each.
+        #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+        count: u32,
+        /// Cell file; default: the only cell of this user that runs here.
+        #[arg(long)]
+        cell: Option<PathBuf>,
     },
     /// Stop the machine of a running cell, and the part that is being made.
     Stop {
         /// Name of the operator who stops it.
         #[arg(long, default_value = "operator")]
         operator: String,
-        /// Cell file.
-        #[arg(long, default_value = DEFAULT_CELL)]
-        cell: PathBuf,
+        /// Cell file; default: the only cell of this user that runs here.
+        #[arg(long)]
+        cell: Option<PathBuf>,
     },
     /// Print what a running cell is doing.
     Status {
-        /// Cell file.
-        #[arg(long, default_value = DEFAULT_CELL)]
-        cell: PathBuf,
+        /// Cell file; default: the only cell of this user that runs here.
+        #[arg(long)]
+        cell: Option<PathBuf>,
         /// Print JSON.
         #[arg(long)]
         json: bool,
@@ -155,9 +161,9 @@ pub(crate) enum Command {
         /// Repeat these points and measure the remaining ones: indices into the plan, from 0.
         #[arg(long, group = "what", value_name = "POINT", num_args = 1..)]
         again: Vec<u32>,
-        /// Cell file.
-        #[arg(long, default_value = DEFAULT_CELL)]
-        cell: PathBuf,
+        /// Cell file; default: the only cell of this user that runs here.
+        #[arg(long)]
+        cell: Option<PathBuf>,
     },
     /// Approve or reject a correction that a running cell proposes, with the signature of an operator.
     Approve {
@@ -169,9 +175,9 @@ pub(crate) enum Command {
         /// Reject instead of approving.
         #[arg(long)]
         reject: bool,
-        /// Cell file.
-        #[arg(long, default_value = DEFAULT_CELL)]
-        cell: PathBuf,
+        /// Cell file; default: the only cell of this user that runs here.
+        #[arg(long)]
+        cell: Option<PathBuf>,
     },
     /// Make, list or withdraw the keys with which operators sign approvals.
     #[command(subcommand)]

@@ -184,7 +184,19 @@ fn run(command: Command) -> anyhow::Result<u8> {
             commands::record::run(&cell, folder, supervised)
         }
         Command::Recording(command) => commands::recording::run(&command),
-        Command::Run { part, cell } => commands::run::run(&running::meant(cell)?, &part),
+        Command::Run {
+            part,
+            wait,
+            count,
+            cell,
+        } => {
+            let cell = running::meant(cell)?;
+            if wait || count > 1 {
+                commands::run::run_and_wait(&cell, &part, count)
+            } else {
+                commands::run::run(&cell, &part)
+            }
+        }
         Command::Stop { operator, cell } => commands::stop::run(&running::meant(cell)?, &operator),
         Command::Status { cell, json } => commands::status::run(&running::meant(cell)?, json),
         Command::Stream(arguments) => commands::stream::run(&arguments),

@@ -11,7 +11,7 @@ use std::{
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
 
-use crate::{DEFAULT_CELL, own_socket};
+use crate::{DEFAULT_CELL, output, own_socket};
 
 /// What a running cell notes.
 #[derive(Serialize, Deserialize)]
@@ -39,27 +39,39 @@ fn written(name: &str, file: &Path) -> Option<File> {
         file: file.canonicalize().ok()?,
         place: place(),
     };
-    let path = folder.join(format!("{}.json", std::process::id()));
+    // Containers that share the folder have the same process numbers.
+    let place_of_it = own_socket::fnv1a(note.place.as_bytes());
+    let path = folder.join(format!("{place_of_it:016x}-{}.json", std::process::id()));
     let mut options = File::options();
-    let options = options.write(true).create(true).truncate(true).mode(0o600);
+    let options = options.write(true).create(true).truncate(false).mode(0o600);
     let mut open = options.open(path).ok()?;
-    open.try_lock().ok()?;
+    // A look at it holds the lock for an instant.
+    open.lock().ok()?;
+    open.set_len(0).ok()?;
     open.write_all(&serde_json::to_vec(&note).ok()?).ok()?;
     Some(open)
 }
 
-/// The file of the cell that a command means: the one that is named, or the only one that runs.
-pub(crate) fn meant(named: PathBuf) -> anyhow::Result<PathBuf> {
-    if named != Path::new(DEFAULT_CELL) {
+/// The file of the cell that a command means: the one that is named, or the only one that runs, which is told where it is not the
+/// one that lies here.
+pub(crate) fn meant(named: Option<PathBuf>) -> anyhow::Result<PathBuf> {
+    if let Some(named) = named {
         return Ok(named);
     }
+    let here = PathBuf::from(DEFAULT_CELL);
     let mut cells = running();
-    match (cells.len(), named.exists()) {
+    match (cells.len(), here.exists()) {
         (0, false) => bail!(
             "no cell runs here: start one with `probecell up CELL.toml`, or name its file with --cell"
         ),
-        (0, true) => Ok(named),
-        (1, _) => Ok(cells.remove(0).file),
+        (0, true) => Ok(here),
+        (1, _) => {
+            let Note { name, file, .. } = cells.remove(0);
+            if here.canonicalize().ok().as_ref() != Some(&file) {
+                output::remark(&format!("cell {name}, {}", file.display()));
+            }
+            Ok(file)
+        }
         _ => {
             let each = cells
                 .iter()
@@ -83,6 +95,8 @@ fn running() -> Vec<Note> {
         .filter(|note| note.place == here)
         .collect();
     all.sort_by(|a, b| (&a.name, &a.file).cmp(&(&b.name, &b.file)));
+    // A second start of a cell is refused, and has a note until then.
+    all.dedup_by(|a, b| a.file == b.file);
     all
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Subcommand;
 use probecell_msgs::srv;
 
-use crate::{DEFAULT_CELL, FAILED, GOOD, LOSS, cell_client::call_once, output, running};
+use crate::{FAILED, GOOD, LOSS, cell_client::call_once, output, running};
 
 /// What the user asks for.
 #[derive(Subcommand)]
@@ -15,15 +15,15 @@ pub(crate) enum Command {
         /// Name of its folder in the cell's recordings folder; default: chosen by the recorder.
         #[arg(default_value = "")]
         name: String,
-        /// Cell file.
-        #[arg(long, default_value = DEFAULT_CELL)]
-        cell: PathBuf,
+        /// Cell file; default: the only cell of this user that runs here.
+        #[arg(long)]
+        cell: Option<PathBuf>,
     },
     /// Stop the recording and close its files.
     Stop {
-        /// Cell file.
-        #[arg(long, default_value = DEFAULT_CELL)]
-        cell: PathBuf,
+        /// Cell file; default: the only cell of this user that runs here.
+        #[arg(long)]
+        cell: Option<PathBuf>,
     },
 }
 

@@ -24,7 +24,7 @@ pub(crate) fn run(file: &Path, as_json: bool) -> anyhow::Result<u8> {
         status,
         waiting,
         last,
-    } = match ask(file) {
+    } = match ask(file, !as_json) {
         Ok(answer) => answer,
         Err(error) => {
             let no_router = matches!(error.downcast_ref(), Some(BusError::NoRouter { .. }));
@@ -41,7 +41,7 @@ pub(crate) fn run(file: &Path, as_json: bool) -> anyhow::Result<u8> {
         && status.alarms.is_empty()
         && status.running.iter().all(|&running| running);
     if as_json {
-        output::json(&report(&status, &waiting, last.as_ref()))?;
+        output::json(&report(&status, &waiting))?;
     } else {
         print(&status, &waiting, last.as_ref(), file);
     }
@@ -57,7 +57,7 @@ struct Asked {
     last: Option<PartReport>,
 }
 
-fn ask(file: &Path) -> anyhow::Result<Asked> {
+fn ask(file: &Path, with_last: bool) -> anyhow::Result<Asked> {
     let client = CellClient::connect(file)?;
     let status = client.call::<srv::Status>("status", &srv::StatusRequest::default())?;
     let waiting = match status.part.stage {
@@ -65,7 +65,7 @@ fn ask(file: &Path) -> anyhow::Result<Asked> {
         _ => BTreeSet::new(),
     };
     let last = match status.part.stage {
-        PartStatus::NONE => client.last_part()?,
+        PartStatus::NONE if with_last => client.last_part()?,
         _ => None,
     };
     client.close()?;
@@ -78,7 +78,12 @@ fn ask(file: &Path) -> anyhow::Result<Asked> {
 
 /// `qualified`, and why.
 fn verdict(part: &PartReport) -> String {
-    format!("{}, {}", PartReport::word(part.verdict), part.text)
+    let word = PartReport::word(part.verdict);
+    if part.text.starts_with(word) {
+        part.text.clone()
+    } else {
+        format!("{word}, {}", part.text)
+    }
 }
 
 /// What some storage has kept of the cell.
@@ -124,11 +129,7 @@ fn since(status: &srv::StatusResponse) -> f64 {
     Stamp::from(&status.header.stamp).since_s(Stamp::from(&status.part.since))
 }
 
-fn report(
-    status: &srv::StatusResponse,
-    waiting: &BTreeSet<String>,
-    last: Option<&PartReport>,
-) -> serde_json::Value {
+fn report(status: &srv::StatusResponse, waiting: &BTreeSet<String>) -> serde_json::Value {
     let part = &status.part;
     let made = (part.stage != PartStatus::NONE).then(|| {
         json!({
@@ -145,7 +146,6 @@ fn report(
         "machine": machine(status),
         "alarms": status.alarms,
         "part": made,
-        "last_part": last.map(|part| json!({ "part_id": part.part_id, "run_id": part.run_id, "verdict": PartReport::word(part.verdict), "text": part.text })),
         "recording": { "state": recording(&status.recording), "uri": status.recording.uri },
         "processes": processes.collect::<Vec<_>>(),
         "faults": status.faults,
