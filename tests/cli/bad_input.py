@@ -585,7 +585,7 @@ def arm_of_five_joints(folder):
 @case("new robot --urdf {} --out .", 2, "--out has no name")
 @case("new robot --urdf {} --out taken", 2, "taken exists: name another folder")
 @case("new robot --urdf {} --out my-robot", 2, "my-robot.* names the cell")
-@case("new robot --urdf {} --mount l6 --hold j2=99 --out made", 2, "--hold j2=99.000: its travel is -57.296")
+@case("new robot --urdf {} --mount l6 --hold j2=99 --out made", 2, "--hold j2=99: its travel is -57.296")
 def arm_of_six_joints(folder):
     (folder / "taken").mkdir()
     return arm(folder, 6)
@@ -599,11 +599,13 @@ def arm_without_speed(folder):
 @case("new robot --urdf {} --out made", 2, "xacro")
 def arm_in_xacro(folder):
     path = arm(folder, 6)
-    path.write_text(path.read_text().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ').replace('"0 0 0.1"', '"0 0 ${height}"'))
+    text = path.read_text().replace('"0 0 0.1"', '"0 0 ${height}"')
+    head = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="arm"><xacro:property name="height" value="0.1"/>'
+    path.write_text(text.replace('<robot name="arm">', head))
     return path
 
 
-@case("new robot --urdf {} --out made", 2, "no place was found")
+@case("new robot --urdf {} --stem 0,0,1 --out made", 2, "no place was found")
 def arm_that_hardly_moves(folder):
     return arm(folder, 6, LIMIT.replace('"1" velocity', '"-0.99" velocity'))
 
