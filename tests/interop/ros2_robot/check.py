@@ -239,7 +239,7 @@ def a_protective_stop_ends_the_part_or_is_waited_for(folder):
     """The trajectory stands, and the goal with it: for a while, and for good."""
     with under_ros2_control(folder) as (arm, made):
         line = made("first", f"in {TOUCH} scale 0")
-        ended_with(line, arm, "^scale 0", "the controller has not ended the trajectory within 60.", " rad from its target; a protective stop")
+        ended_with(line, arm, "^scale 0", "the controller has not ended the trajectory within 60.", " rad from its target; possible causes: a protective stop")
         assert "CANCELED" in arm.lines[-1], arm.lines
 
         def released():
