@@ -48,9 +48,13 @@ pub(crate) fn run_and_wait(file: &Path, part: &str, count: u32) -> anyhow::Resul
             String::new()
         };
         let word = PartReport::word(report.verdict);
+        let passes = match report.passes {
+            1 => "1 machining pass".to_owned(),
+            passes => format!("{passes} machining passes"),
+        };
         output::line(&format!(
-            "part {part}{of}: {word} after {} machining passes: {}",
-            report.passes, report.text
+            "part {part}{of}: {word} after {passes}: {}",
+            report.text
         ));
         good = report.verdict == PartReport::QUALIFIED;
         if !good {
