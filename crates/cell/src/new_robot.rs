@@ -1,13 +1,13 @@
 //! A first cell for an arm: the description that its maker ships, and a check of its joints on three reference balls.
 //!
 //! A robot description says neither where a probe hangs nor where a part can be measured. Both are found here: the stem
-//! points along the last axis, away from the arm, and the balls stand where the arm is farthest from a singularity of those
-//! places that the planner can measure. What was found is told; what only the owner knows stands in the cell file, marked so.
-//! Lengths in m, frames as in the interface contract.
+//! points along the last axis, away from the arm, and the balls stand where every joint turns most, of the places that are far
+//! from singularities and that the planner can measure. What was found is told; what only the owner knows stands in the cell
+//! file, marked so. Lengths in m, frames as in the interface contract.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use machine::{Chain, JointKind, Side, Target, as_cell, van_der_corput};
+use machine::{Chain, JointKind, Side, Target, as_cell, turn_onto, van_der_corput};
 use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
 use probecell_msgs::PlanProgress;
 
@@ -118,7 +118,7 @@ pub enum NewRobotError {
     /// A joint without a speed.
     #[error("joint {0} has no velocity in its <limit>: how fast may it turn?")]
     Speed(String),
-    /// The mount lies on the last joint.
+    /// Nothing tells the sense of the last axis.
     #[error(
         "which way the probe points cannot be told: along the last axis {mount} is within 2 mm of the joints before; say it in the frame of {mount}, for example --stem 0,0,1"
     )]
@@ -305,7 +305,7 @@ impl<'a> Arm<'a> {
             numbers(&stem, 1.0)
         ));
         let ball = Point3::from(stem.into_inner() * wanted.stylus);
-        let shoulder = frame_of(chain, chain.axes()[free[1]], &zero) * Point3::origin();
+        let shoulder = frame_of(chain, free[1], &zero) * Point3::origin();
         let mut arm = Self {
             chain,
             wanted,
@@ -437,10 +437,7 @@ impl<'a> Arm<'a> {
     /// Attitudes of the probe (part from mount) with its stem along a direction, four turns about it.
     fn attitudes(&self, stem: &Unit<Vector3<f64>>) -> [UnitQuaternion<f64>; 4] {
         let own = Unit::new_normalize(-self.ball.coords);
-        let upright = UnitQuaternion::rotation_between_axis(&own, stem).unwrap_or_else(|| {
-            let across = Unit::new_normalize(own.cross(&Vector3::ith(own.iamin(), 1.0)));
-            UnitQuaternion::from_axis_angle(&across, PI)
-        });
+        let upright = turn_onto(&own, stem);
         [0.0, 1.0, 2.0, 3.0]
             .map(|turn| UnitQuaternion::from_axis_angle(stem, turn * FRAC_PI_2) * upright)
     }
@@ -487,11 +484,11 @@ impl<'a> Arm<'a> {
         let Wanted {
             name, description, ..
         } = self.wanted;
-        let held: Vec<(&str, f64)> = (self.chain.axis_names().zip(&self.held))
-            .filter_map(|(name, held)| Some((name, (*held)?)))
+        let names: Vec<String> = (self.chain.axis_names().zip(&self.held))
+            .filter(|(_, held)| held.is_some())
+            .map(|(name, _)| format!("{name:?}"))
             .collect();
-        let names: Vec<String> = held.iter().map(|(name, _)| format!("{name:?}")).collect();
-        let rotary = if held.is_empty() {
+        let rotary = if names.is_empty() {
             String::new()
         } else {
             format!(
@@ -567,28 +564,22 @@ fn travel(chain: &Chain, axis: usize) -> (f64, f64) {
     chain.axis(axis).limits.unwrap_or((-PI, PI))
 }
 
-/// Frame of a joint (index into the joints) in the foundation, before its motion.
-fn frame_of(chain: &Chain, joint: usize, at: &[f64]) -> Isometry3<f64> {
-    let mut pose = Isometry3::identity();
-    for &index in chain.branch(Side::Tool) {
-        let one = &chain.joints()[index];
-        pose *= one.origin;
-        if index == joint {
-            break;
-        }
-        let position = chain.axes().iter().position(|&axis| axis == index);
-        pose *= one.motion(position.map_or(0.0, |axis| at[axis]));
-    }
-    pose
+/// Foundation from the frame of the joint of an axis.
+fn frame_of(chain: &Chain, axis: usize, at: &[f64]) -> Isometry3<f64> {
+    let branch = chain.branch(Side::Tool);
+    let place = branch.iter().position(|&joint| joint == chain.axes()[axis]);
+    place.map_or_else(Isometry3::identity, |place| {
+        chain.pose_after(Side::Tool, place, at)
+    })
 }
 
 /// The direction of the last axis in the frame of the mount, with the sense in which the mount lies beyond the joints before.
 fn along_last_axis(chain: &Chain, free: &[usize], at: &[f64]) -> Option<Unit<Vector3<f64>>> {
     let mount = chain.end_pose(Side::Tool, at);
-    let last = chain.axes()[*free.last()?];
-    let axis = frame_of(chain, last, at) * chain.joints()[last].axis;
+    let last = *free.last()?;
+    let axis = frame_of(chain, last, at) * chain.axis(last).axis;
     let beyond = free.iter().rev().skip(1).take(2).map(|&before| {
-        let origin = frame_of(chain, chain.axes()[before], at).translation.vector;
+        let origin = frame_of(chain, before, at).translation.vector;
         axis.dot(&(mount.translation.vector - origin))
     });
     let sense = beyond.into_iter().find(|along| along.abs() > SHORT)?;

@@ -135,7 +135,7 @@ impl Chain {
             .into_iter()
             .find(|link| !links.contains_key(link))
         {
-            return Err(ChainError::MissingLink(missing));
+            return Err(ChainError::MissingLink(missing.to_owned()));
         }
         let mut used = Vec::new();
         let mut branch_to = |end: &'static str| -> Result<Vec<usize>, ChainError> {

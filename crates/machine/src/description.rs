@@ -28,7 +28,7 @@ pub enum ChainError {
     },
     /// A link of the contract is absent.
     #[error("robot description has no link `{0}`")]
-    MissingLink(&'static str),
+    MissingLink(String),
     /// A joint names a link that is not there.
     #[error("joint `{joint}` names link `{link}`, which the robot description lacks")]
     UnknownLink {

@@ -124,7 +124,7 @@ impl Chain {
     }
 
     /// Foundation from the frame of a joint after its motion: that at a place in a branch.
-    pub(crate) fn pose_after(&self, side: Side, place: usize, positions: &[f64]) -> Isometry3<f64> {
+    pub fn pose_after(&self, side: Side, place: usize, positions: &[f64]) -> Isometry3<f64> {
         self.pose_along(&self.branch(side)[..=place], positions)
     }
 

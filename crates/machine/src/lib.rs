@@ -84,7 +84,7 @@ pub use kinematics::{ChainErrors, NO_TWIST, PositionError, Sensitivity, Twist, d
 pub use links::{LinkError, LinkNameError};
 pub use motion::{AxisLimits, Motion};
 pub use part_frame::{PART_FRAME_MACHINE, is_part_frame};
-pub use postures::van_der_corput;
+pub use postures::{turn_onto, van_der_corput};
 pub use robot::{CellDescription, as_cell};
 pub use travel::{TravelError, check_travel};
 pub use volumetric::{Correction, Volumetric};

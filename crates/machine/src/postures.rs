@@ -248,6 +248,14 @@ pub fn van_der_corput(mut index: u32, base: u32) -> f64 {
     share
 }
 
+/// A turn that takes one direction to another; where they are opposite, half a turn about some axis across them.
+pub fn turn_onto(from: &Unit<Vector3<f64>>, to: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
+    UnitQuaternion::rotation_between_axis(from, to).unwrap_or_else(|| {
+        let across = Unit::new_normalize(from.cross(&Vector3::ith(from.iamin(), 1.0)));
+        UnitQuaternion::from_axis_angle(&across, std::f64::consts::PI)
+    })
+}
+
 impl Chain {
     /// All postures found that bring the ball (`ball` in the probe mount) to a place of the part in an attitude (part from
     /// probe mount). Each joint is given at the turn nearest to `near` within its travel; other full turns of the same

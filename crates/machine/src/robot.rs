@@ -29,7 +29,7 @@ const TOOL_FRAMES: [&str; 3] = ["tool0", "flange", "ee_link"];
 /// most of the joints in `reported`, the frame of a tool first. A description with a link `probe_mount` keeps it.
 ///
 /// # Errors
-/// [`ChainError::Urdf`] where the text is no robot description, or where it has no link `mount`.
+/// [`ChainError::Urdf`] where the text is no robot description, [`ChainError::MissingLink`] where it has no link `mount`.
 pub fn as_cell(
     text: &str,
     mount: Option<&str>,
@@ -62,7 +62,7 @@ pub fn as_cell(
     };
     let tip = match mount {
         Some(name) if !has(name) => {
-            return Err(ChainError::Urdf(format!("it has no link `{name}`")));
+            return Err(ChainError::MissingLink(name.to_owned()));
         }
         Some(name) => name,
         None => {

@@ -13,6 +13,7 @@ use machine::{
     Nominal,
     access::{Access, TouchPose},
     geometry::Surroundings,
+    turn_onto,
 };
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use probecell_msgs::InspectionPlan;
@@ -157,11 +158,7 @@ impl Solver<'_> {
         let mut attitudes = Vec::new();
         for stem in &held.stems {
             let stem = part.rotation * stem;
-            // Half a turn about any axis across it, where the directions are opposite.
-            let upright = UnitQuaternion::rotation_between_axis(&own, &stem).unwrap_or_else(|| {
-                let across = Unit::new_normalize(own.cross(&Vector3::ith(own.iamin(), 1.0)));
-                UnitQuaternion::from_axis_angle(&across, std::f64::consts::PI)
-            });
+            let upright = turn_onto(&own, &stem);
             attitudes.extend(held.turns.iter().map(|&turn| {
                 part.rotation.inverse() * UnitQuaternion::from_axis_angle(&stem, turn) * upright
             }));

@@ -70,6 +70,25 @@ fn a_cell_is_found_that_can_be_planned() {
         made.text.cell.contains("EB0j2"),
         "the zero of the second joint is planted"
     );
+    // Third number of each line with a key, mm.
+    let heights = |key: &str| -> Vec<f64> {
+        let lines = made.text.cell.lines().filter(|line| line.starts_with(key));
+        let height = |line: &str| {
+            line.split([',', ']'])
+                .nth(2)
+                .and_then(|one| one.trim().parse().ok())
+        };
+        lines
+            .map(|line| height(line).expect("three lengths"))
+            .collect()
+    };
+    let part = heights("position_mm")[0];
+    let balls = heights("origin_mm");
+    assert_eq!(balls.len(), 15);
+    assert!(
+        balls.iter().all(|ball| part + ball > 29.9),
+        "below the base: {part} {balls:?}"
+    );
     let cell = Cell::from_text(made.text).expect("a cell");
     let planned = cell
         .measuring_order(0.0, &|_| true, &mut |_| {})
