@@ -30,6 +30,11 @@ pub fn describe(id: &str) -> String {
     registry::find(id).map_or_else(|| id.to_owned(), |(effect, of)| effect.describe(&of))
 }
 
+/// Words of [`describe`] without what explains them.
+pub fn short(words: &str) -> &str {
+    words.split_once(':').map_or(words, |(name, _)| name)
+}
+
 /// What a person does about an effect; `None` where it is none of the vocabulary.
 pub fn remedy(id: &str) -> Option<&'static str> {
     registry::find(id).map(|(effect, _)| effect.remedy())

@@ -1,6 +1,7 @@
 //! A diagnosis in one line: how large the gap is, why, and what would tell more.
 
 use diagnosis::{Report, report::Level};
+use effects::vocabulary;
 
 /// `gap 3.1 µm rms, 4.3 × the noise: one of 12 causes; 8 touches would tell them apart`.
 pub(crate) fn of(report: &Report) -> String {
@@ -24,7 +25,7 @@ pub(crate) fn causes(report: &Report) -> String {
     let known = match report.effects.as_slice() {
         [] => return "no known cause".to_owned(),
         [one] if one.group.len() > 1 => format!("one of {} causes", one.group.len()),
-        [one] => short(&one.words()),
+        [one] => vocabulary::short(&one.words()).to_owned(),
         all => format!("{} causes together", all.len()),
     };
     match report.level {
@@ -32,11 +33,6 @@ pub(crate) fn causes(report: &Report) -> String {
         Level::Pattern => format!("{known} in a small part, the rest unknown"),
         Level::NoGap | Level::Cause | Level::Unknown => known,
     }
-}
-
-/// What an effect is, without what explains it.
-pub(crate) fn short(words: &str) -> String {
-    words.split(':').next().unwrap_or(words).to_owned()
 }
 
 /// µm of a length in m, µrad of an angle in rad.

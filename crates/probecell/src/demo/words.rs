@@ -6,6 +6,7 @@ use diagnosis::{
     Report, in_display_units,
     report::{Effect, Sizes},
 };
+use effects::vocabulary::{describe, short};
 
 use super::{
     Found,
@@ -14,7 +15,7 @@ use super::{
 };
 use crate::{
     commands::diagnose_refine::Step,
-    headline::{causes, micro, short},
+    headline::{causes, micro},
     output,
 };
 
@@ -84,7 +85,7 @@ fn named(effect: &Effect) -> String {
         [_, other] => format!(
             "cause ({probability}): {}, or {}: no touch tells them apart",
             short(&effect.words()),
-            short(&effects::vocabulary::describe(other))
+            short(&describe(other))
         ),
         [_, _, ..] => format!("one of {} causes ({probability})", effect.group.len()),
         _ => format!("cause ({probability}): {}", short(&effect.words())),

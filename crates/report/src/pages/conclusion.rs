@@ -81,12 +81,7 @@ fn brief(effects: &[String]) -> String {
 
 /// The name of an effect without what explains it: `backlash of axis X`.
 pub(crate) fn short_name(effect: &str) -> String {
-    short_words(&vocabulary::describe(effect))
-}
-
-pub(crate) fn short_words(words: &str) -> String {
-    let name = words.split_once(": ").map_or(words, |(name, _)| name);
-    name.to_owned()
+    vocabulary::short(&vocabulary::describe(effect)).to_owned()
 }
 
 /// A table for each group of effects that these data cannot distinguish: its members, and their sizes if they act.

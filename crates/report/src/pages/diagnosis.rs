@@ -4,8 +4,10 @@ use crate::kit::{Bar, Bars, Page, PlotError, Table, Unit};
 use ::diagnosis::report::{Effect, NextMeasurement, NextPoint, Place};
 use ::diagnosis::{Report, Residuals};
 
+use effects::vocabulary;
+
 use crate::pages::conclusion::{
-    alternatives, called, findings, groups, named, position, short_name, short_words, verdict,
+    alternatives, called, findings, groups, named, position, short_name, verdict,
 };
 use crate::pages::numbers::{
     Turns, interval, location_text, parameters, percent, probability, unit_of,
@@ -154,7 +156,7 @@ fn shrinkage(report: &Report, unit: &Unit) -> Bars {
         let sign = if index == 0 { "with" } else { "and" };
         bars.push(Bar {
             label: match effect.group.len() {
-                0 | 1 => format!("{sign} {}", short_words(&effect.words())),
+                0 | 1 => format!("{sign} {}", vocabulary::short(&effect.words())),
                 count => format!("{sign} one of {count} causes"),
             },
             value: effect.rms_after,
