@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
-use crate::{DEFAULT_CELL, commands};
+use crate::{DEFAULT_CELL, commands, running::Meant};
 
 /// What the help says of ROS arguments, which are no options of any command.
 const ROS_ARGUMENTS: &str = "Commands for a running cell accept ROS arguments after their own; these override the cell file:\n  \
@@ -124,24 +124,21 @@ pub(crate) enum Command {
         /// Make so many, one after the other, until one is not qualified; waits for each.
         #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
         count: u32,
-        /// Cell file; default: the only cell of this user that runs here.
-        #[arg(long)]
-        cell: Option<PathBuf>,
+        #[command(flatten)]
+        cell: Meant,
     },
     /// Stop the machine of a running cell, and the part that is being made.
     Stop {
         /// Name of the operator who stops it.
         #[arg(long, default_value = "operator")]
         operator: String,
-        /// Cell file; default: the only cell of this user that runs here.
-        #[arg(long)]
-        cell: Option<PathBuf>,
+        #[command(flatten)]
+        cell: Meant,
     },
     /// Print what a running cell is doing.
     Status {
-        /// Cell file; default: the only cell of this user that runs here.
-        #[arg(long)]
-        cell: Option<PathBuf>,
+        #[command(flatten)]
+        cell: Meant,
         /// Print JSON.
         #[arg(long)]
         json: bool,
@@ -161,9 +158,8 @@ pub(crate) enum Command {
         /// Repeat these points and measure the remaining ones: indices into the plan, from 0.
         #[arg(long, group = "what", value_name = "POINT", num_args = 1..)]
         again: Vec<u32>,
-        /// Cell file; default: the only cell of this user that runs here.
-        #[arg(long)]
-        cell: Option<PathBuf>,
+        #[command(flatten)]
+        cell: Meant,
     },
     /// Approve or reject a correction that a running cell proposes, with the signature of an operator.
     Approve {
@@ -175,9 +171,8 @@ pub(crate) enum Command {
         /// Reject instead of approving.
         #[arg(long)]
         reject: bool,
-        /// Cell file; default: the only cell of this user that runs here.
-        #[arg(long)]
-        cell: Option<PathBuf>,
+        #[command(flatten)]
+        cell: Meant,
     },
     /// Make, list or withdraw the keys with which operators sign approvals.
     #[command(subcommand)]

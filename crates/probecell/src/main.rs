@@ -190,30 +190,28 @@ fn run(command: Command) -> anyhow::Result<u8> {
             count,
             cell,
         } => {
-            let cell = running::meant(cell)?;
+            let cell = cell.file()?;
             if wait || count > 1 {
                 commands::run::run_and_wait(&cell, &part, count)
             } else {
                 commands::run::run(&cell, &part)
             }
         }
-        Command::Stop { operator, cell } => commands::stop::run(&running::meant(cell)?, &operator),
-        Command::Status { cell, json } => commands::status::run(&running::meant(cell)?, json),
+        Command::Stop { operator, cell } => commands::stop::run(&cell.file()?, &operator),
+        Command::Status { cell, json } => commands::status::run(&cell.file()?, json),
         Command::Stream(arguments) => commands::stream::run(&arguments),
         Command::Dashboard(arguments) => {
             begin_process(arguments.supervised, arguments.clock)?;
             commands::dashboard::run(arguments)
         }
         Command::Watch(arguments) => commands::watch::run(arguments),
-        Command::Measure { again, cell, .. } => {
-            commands::measure::run(&running::meant(cell)?, &again)
-        }
+        Command::Measure { again, cell, .. } => commands::measure::run(&cell.file()?, &again),
         Command::Approve {
             correction,
             operator,
             reject,
             cell,
-        } => commands::approve::run(&running::meant(cell)?, &correction, &operator, !reject),
+        } => commands::approve::run(&cell.file()?, &correction, &operator, !reject),
         Command::Secure { cell, out, off } => commands::secure::run(&cell, out, off),
         Command::Key(command) => commands::key::run(&command),
         Command::Play(arguments) => commands::play::run(&arguments),

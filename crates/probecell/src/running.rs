@@ -52,34 +52,43 @@ fn written(name: &str, file: &Path) -> Option<File> {
     Some(open)
 }
 
-/// The file of the cell that a command means: the one that is named, or the only one that runs, which is told where it is not the
-/// one that lies here.
-pub(crate) fn meant(named: Option<PathBuf>) -> anyhow::Result<PathBuf> {
-    if let Some(named) = named {
-        return Ok(named);
-    }
-    let here = PathBuf::from(DEFAULT_CELL);
-    let mut cells = running();
-    match (cells.len(), here.exists()) {
-        (0, false) => bail!(
-            "no cell runs here: start one with `probecell up CELL.toml`, or name its file with --cell"
-        ),
-        (0, true) => Ok(here),
-        (1, _) => {
-            let Note { name, file, .. } = cells.remove(0);
-            if here.canonicalize().ok().as_ref() != Some(&file) {
-                output::remark(&format!("cell {name}, {}", file.display()));
-            }
-            Ok(file)
+/// The cell that a command means.
+#[derive(clap::Args)]
+pub(crate) struct Meant {
+    /// Cell file; default: the only cell of this user that runs here.
+    #[arg(long)]
+    cell: Option<PathBuf>,
+}
+
+impl Meant {
+    /// The file that is named, or that of the only cell that runs, which is told where it is not the one that lies here.
+    pub(crate) fn file(&self) -> anyhow::Result<PathBuf> {
+        if let Some(named) = &self.cell {
+            return Ok(named.clone());
         }
-        _ => {
-            let each = cells
-                .iter()
-                .map(|one| format!("{} (--cell {})", one.name, one.file.display()));
-            bail!(
-                "which of the cells that run here? {}",
-                each.collect::<Vec<_>>().join(", ")
-            )
+        let here = PathBuf::from(DEFAULT_CELL);
+        let mut cells = running();
+        match (cells.len(), here.exists()) {
+            (0, false) => bail!(
+                "no cell runs here: start one with `probecell up CELL.toml`, or name its file with --cell"
+            ),
+            (0, true) => Ok(here),
+            (1, _) => {
+                let Note { name, file, .. } = cells.remove(0);
+                if here.canonicalize().ok().as_ref() != Some(&file) {
+                    output::remark(&format!("cell {name}, {}", file.display()));
+                }
+                Ok(file)
+            }
+            _ => {
+                let each = cells
+                    .iter()
+                    .map(|one| format!("{} (--cell {})", one.name, one.file.display()));
+                bail!(
+                    "which of the cells that run here? {}",
+                    each.collect::<Vec<_>>().join(", ")
+                )
+            }
         }
     }
 }

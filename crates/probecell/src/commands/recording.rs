@@ -1,11 +1,11 @@
 //! `probecell recording`: starts or stops the recording of a running cell.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::Subcommand;
 use probecell_msgs::srv;
 
-use crate::{FAILED, GOOD, LOSS, cell_client::call_once, output, running};
+use crate::{FAILED, GOOD, LOSS, cell_client::call_once, output, running::Meant};
 
 /// What the user asks for.
 #[derive(Subcommand)]
@@ -15,23 +15,21 @@ pub(crate) enum Command {
         /// Name of its folder in the cell's recordings folder; default: chosen by the recorder.
         #[arg(default_value = "")]
         name: String,
-        /// Cell file; default: the only cell of this user that runs here.
-        #[arg(long)]
-        cell: Option<PathBuf>,
+        #[command(flatten)]
+        cell: Meant,
     },
     /// Stop the recording and close its files.
     Stop {
-        /// Cell file; default: the only cell of this user that runs here.
-        #[arg(long)]
-        cell: Option<PathBuf>,
+        #[command(flatten)]
+        cell: Meant,
     },
 }
 
 /// Calls the service `start_recording` or `stop_recording`.
 pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
     match command {
-        Command::Start { name, cell } => start(&running::meant(cell.clone())?, name),
-        Command::Stop { cell } => stop(&running::meant(cell.clone())?),
+        Command::Start { name, cell } => start(&cell.file()?, name),
+        Command::Stop { cell } => stop(&cell.file()?),
     }
 }
 
