@@ -151,7 +151,7 @@ impl Together<'_> {
         } else {
             self.fit.len()
         };
-        let touches = residuals::touches(
+        let mut touches = residuals::touches(
             observations,
             "touches against the model, the pose of each session fitted",
             self.names_judged(),
@@ -159,6 +159,12 @@ impl Together<'_> {
             |row| before[row] / weight(row),
             |row| left[named][row].map(|value| value / weight(row)),
         );
+        let shown = (observations.rows.iter().enumerate())
+            .filter(|&(row, of)| used[row] && of.pose.is_some() && of.sequence.is_some());
+        for (touch, (row, _)) in touches.touches.iter_mut().zip(shown) {
+            let freedoms = self.joined.poses[self.joined.session[row]].iter();
+            touch.pose = freedoms.map(|column| column[row] / weight(row)).collect();
+        }
         (
             report.with_joint_zeros(&observations.chain).finished(),
             touches,

@@ -18,12 +18,13 @@ mod draws;
 mod page;
 mod statistics;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use diagnosis::residuals::TouchResiduals;
+use diagnosis::residuals::{TouchResidual, TouchResiduals};
 use diagnosis::{Report, Residuals};
 use effects::declared::{Acting, predicted};
 use effects::{Observations, Session};
+use inference::linear::{SPANNED, orthonormal, project_out};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use serde::Serialize;
@@ -36,6 +37,8 @@ pub use statistics::Statistic;
 pub const SCHEMA: &str = "probecell/predictive-check/1";
 /// Bound of the two-sided p of all statistics together.
 const CONTRADICTS: f64 = 0.05;
+/// Standard deviation of the prior of a freedom of the pose, m: far above any, so that it says nothing.
+const ANY_POSE: f64 = 1.0;
 /// Simulated sessions that are enough for some hundred statistics.
 pub const USUAL_DRAWS: usize = 4000;
 
@@ -132,6 +135,8 @@ pub struct Predictive {
     observations: Observations,
     /// Rows that are compared: touches that the diagnosis did not set aside, by time.
     rows: Vec<usize>,
+    /// Columns of the pose that the diagnosis took out of the touches, one value per compared row, orthonormal.
+    pose: Vec<Vec<f64>>,
     declared: Model,
     explained: Model,
     not_simulated: Vec<(String, String)>,
@@ -172,7 +177,7 @@ impl Predictive {
             None => touches.as_slice(),
         };
         let is_parted = reading.is_some();
-        let observations = reading.unwrap_or(whole);
+        let mut observations = reading.unwrap_or(whole);
         let declared: Result<Vec<Acting>, _> = (session.declared.iter())
             .map(|effect| effect.acting(&observations.chain))
             .collect();
@@ -200,8 +205,11 @@ impl Predictive {
                 Err(error) => not_simulated.push((found.effect.clone(), error.to_string())),
             }
         }
+        let rows = compared(&observations, touches);
+        let pose = registered(&mut observations, &rows, touches, &declared);
         Ok(Self {
-            rows: compared(&observations, touches),
+            rows,
+            pose,
             explained: Model::of(&names, &acting, certain, &observations)?,
             declared,
             not_simulated,
@@ -269,12 +277,14 @@ impl Predictive {
     fn draws(&self, model: &Model) -> Draws {
         let pick =
             |values: &[f64]| -> Vec<f64> { self.rows.iter().map(|&row| values[row]).collect() };
-        let residuals: Vec<f64> = (self.rows.iter())
+        let mut residuals: Vec<f64> = (self.rows.iter())
             .map(|&row| self.observations.deviations[row] - model.prediction[row])
             .collect();
-        let columns: Vec<(Vec<f64>, f64)> = (model.columns.iter())
+        project_out(&mut residuals, &self.pose);
+        let mut columns: Vec<(Vec<f64>, f64)> = (model.columns.iter())
             .map(|(column, plausible)| (pick(column), *plausible))
             .collect();
+        columns.extend(self.pose.iter().map(|column| (column.clone(), ANY_POSE)));
         Draws::new(residuals, &columns, self.noise, self.lag1_correlation)
     }
 }
@@ -307,6 +317,40 @@ impl Model {
             columns,
         })
     }
+}
+
+/// The pose that the diagnosis took out of the compared touches: its columns. The deviations become those without it, since it is
+/// not linear in what it moves.
+fn registered(
+    observations: &mut Observations,
+    rows: &[usize],
+    touches: &[TouchResiduals],
+    declared: &Model,
+) -> Vec<Vec<f64>> {
+    let by_number: BTreeMap<u64, &TouchResidual> = (touches.iter())
+        .flat_map(|one| &one.touches)
+        .map(|touch| (touch.sequence, touch))
+        .collect();
+    let touch = |row: usize| by_number.get(&observations.rows[row].sequence?).copied();
+    let compared: Vec<Option<&TouchResidual>> = rows.iter().map(|&row| touch(row)).collect();
+    let freedoms = compared.iter().flatten().map(|touch| touch.pose.len());
+    let freedoms = freedoms.max().unwrap_or(0);
+    let columns = (0..freedoms).map(|freedom| {
+        let column = compared.iter().map(|touch| {
+            let moves = touch.and_then(|touch| touch.pose.get(freedom));
+            moves.copied().unwrap_or(0.0)
+        });
+        column.collect()
+    });
+    let pose = orthonormal(columns, SPANNED);
+    if !pose.is_empty() {
+        for (&row, touch) in rows.iter().zip(&compared) {
+            if let Some(touch) = touch {
+                observations.deviations[row] = touch.before + declared.prediction[row];
+            }
+        }
+    }
+    pose
 }
 
 /// Marks the statistics that contradict the model; the most improbable first.

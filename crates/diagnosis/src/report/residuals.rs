@@ -40,6 +40,8 @@ pub struct TouchResidual {
     pub before: f64,
     /// The same with all named effects, m; `None` where the touch was set aside.
     pub after: Option<f64>,
+    /// How it moves with each freedom of the pose of its session that was taken out of `before`; empty where none was.
+    pub pose: Vec<f64>,
 }
 
 impl TouchResidual {
@@ -158,6 +160,7 @@ pub(crate) fn touches(
             positions: pose.positions.clone(),
             before: before(index),
             after: after(index),
+            pose: Vec::new(),
         })
     };
     TouchResiduals {

@@ -93,7 +93,8 @@ impl Passage<'_> {
         let pose = move_.stylus(at);
         let mut spare = f64::INFINITY;
         for (body, least) in self.bodies.iter().zip(self.least) {
-            spare = spare.min(self.stylus.clearance(body, &pose) - least);
+            let clear = (self.stylus).clearance_up_to(spare + least, body, &pose);
+            spare = spare.min(clear - least);
             if spare < -SAME {
                 break;
             }

@@ -87,6 +87,11 @@ impl Stylus {
     /// How far the stylus is from a body, m; negative where it enters it. A lower bound, as [`Body::distance`] is, at most a tenth
     /// too small, and to what a shaft can curve in over half a millimetre.
     pub fn clearance(&self, body: &Body, pose: &StylusPose) -> f64 {
+        self.clearance_up_to(f64::INFINITY, body, pose)
+    }
+
+    /// The same where only a clearance below `enough` (m) matters: what is at least that is not found more closely.
+    pub(super) fn clearance_up_to(&self, enough: f64, body: &Body, pose: &StylusPose) -> f64 {
         let [near, far] = [body.distance(&pose[0]), body.distance(&pose[1])];
         let mut clear = near - self.ball_radius;
         for shaft in &self.shafts {
@@ -101,7 +106,7 @@ impl Stylus {
             // What is farther than the nearest so far does not count.
             let within = Axis {
                 body,
-                enough: clear + shaft.radius,
+                enough: clear.min(enough) + shaft.radius,
             };
             let least = within.least((&start.0, start.1), (&end.0, end.1));
             clear = clear.min(least - shaft.radius);
