@@ -1,6 +1,7 @@
 //! Stamps as nanoseconds, and geometry as arrays for the kernels.
 //!
-//! Time counts from 1970; `sec` is 32 bits wide, so it ends in 2038. Geometry keeps the unit of its field.
+//! Time counts from 1970; its seconds are the 32 bits of `sec` without a sign, so that it ends in 2106, not in 2038. Geometry keeps
+//! the unit of its field.
 
 use crate::{
     builtin_interfaces::{Duration, Time},
@@ -25,13 +26,20 @@ fn join(sec: i32, nanosec: u32) -> i64 {
 impl Time {
     /// The instant `nanos` ns after 1970; instants beyond the 32-bit seconds become the first or last instant.
     pub fn from_nanos(nanos: i64) -> Self {
-        let (sec, nanosec) = split(nanos);
-        Self { sec, nanosec }
+        let (sec, nanosec) = match u32::try_from(nanos.div_euclid(NANOS_PER_SECOND)) {
+            Ok(sec) => (sec, nanos.rem_euclid(NANOS_PER_SECOND) as u32),
+            Err(_) if nanos < 0 => (0, 0),
+            Err(_) => (u32::MAX, NANOS_PER_SECOND as u32 - 1),
+        };
+        Self {
+            sec: sec.cast_signed(),
+            nanosec,
+        }
     }
 
-    /// Nanoseconds since 1970.
+    /// Nanoseconds since 1970; never negative.
     pub fn nanos(self) -> i64 {
-        join(self.sec, self.nanosec)
+        i64::from(self.sec.cast_unsigned()) * NANOS_PER_SECOND + i64::from(self.nanosec)
     }
 }
 
@@ -79,25 +87,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stamps_keep_every_nanosecond_on_both_sides_of_1970() {
-        for nanos in [
-            0,
-            1,
-            -1,
-            999_999_999,
-            -1_000_000_001,
-            1_753_000_000_123_456_789,
-        ] {
+    fn stamps_keep_every_nanosecond_until_2106_and_spans_their_sign() {
+        for nanos in [0, 1, 999_999_999, 1_753_000_000_123_456_789] {
             assert_eq!(Time::from_nanos(nanos).nanos(), nanos);
             assert_eq!(Duration::from_nanos(nanos).nanos(), nanos);
+            assert_eq!(Duration::from_nanos(-nanos).nanos(), -nanos);
         }
-        assert_eq!(
-            Time::from_nanos(-1),
-            Time {
-                sec: -1,
-                nanosec: 999_999_999
-            }
-        );
+        // 2038-01-19T03:14:08Z and 2100-01-01T00:00:00Z.
+        for seconds in [1_i64 << 31, 4_102_444_800] {
+            let nanos = seconds * NANOS_PER_SECOND + 5;
+            assert_eq!(Time::from_nanos(nanos).nanos(), nanos);
+        }
+        let span = Duration {
+            sec: -1,
+            nanosec: 999_999_999,
+        };
+        assert_eq!(Duration::from_nanos(-1), span);
     }
 
     #[test]
@@ -105,17 +110,11 @@ mod tests {
         assert_eq!(
             Time::from_nanos(i64::MAX),
             Time {
-                sec: i32::MAX,
+                sec: -1,
                 nanosec: 999_999_999
             }
         );
-        assert_eq!(
-            Time::from_nanos(i64::MIN),
-            Time {
-                sec: i32::MIN,
-                nanosec: 0
-            }
-        );
+        assert_eq!(Time::from_nanos(i64::MIN), Time::default());
     }
 
     #[test]

@@ -189,7 +189,7 @@ impl Acts {
             token: token.clone(),
             cell_key: desk.key.to_string(),
             kind: proposal.deed.kind().word(),
-            at_ns: (i64::from(at.sec) * 1_000_000_000 + i64::from(at.nanosec)).to_string(),
+            at_ns: at.nanos().to_string(),
             subject: hexadecimal(&proposal.subject),
             summary: proposal.summary,
         };

@@ -138,8 +138,7 @@ impl ChangeMonitor {
             };
         }
         let stamps = session.events.iter().map(|event| &event.header.stamp);
-        let nanoseconds =
-            stamps.map(|at| i64::from(at.sec) * 1_000_000_000 + i64::from(at.nanosec));
+        let nanoseconds = stamps.map(|at| at.nanos());
         self.push(Part {
             plan_id: self.last.clone(),
             measured: nanoseconds.min().unwrap_or(0),

@@ -46,9 +46,12 @@ impl Session {
     pub fn measured(&self) -> Option<String> {
         let touches = self.events.iter().map(|event| &event.header.stamp);
         let samples = self.joint_states.iter().map(|state| &state.header.stamp);
-        let first = touches.map(|stamp| stamp.sec).min();
-        let first = first.or_else(|| samples.map(|stamp| stamp.sec).min())?;
-        let since = Duration::from_secs(u64::try_from(first).ok().filter(|&sec| sec > 0)?);
+        let first = touches.map(|stamp| stamp.nanos()).min();
+        let first = first.or_else(|| samples.map(|stamp| stamp.nanos()).min())?;
+        let since = Duration::from_nanos(first.unsigned_abs());
+        if since.as_secs() == 0 {
+            return None;
+        }
         Some(humantime::format_rfc3339_seconds(UNIX_EPOCH + since).to_string())
     }
 }
@@ -162,5 +165,5 @@ pub enum SessionError {
 
 /// Seconds of a stamp.
 pub fn seconds(stamp: &probecell_msgs::builtin_interfaces::Time) -> f64 {
-    f64::from(stamp.sec) + 1e-9 * f64::from(stamp.nanosec)
+    f64::from(stamp.sec.cast_unsigned()) + 1e-9 * f64::from(stamp.nanosec)
 }

@@ -126,8 +126,7 @@ pub fn mm(metres: f64) -> f64 {
 
 /// A stamp as `xs:dateTime` in UTC, to the nanosecond.
 pub fn date_time(stamp: Time) -> String {
-    let seconds = u64::try_from(stamp.sec).unwrap_or(0);
-    let since = std::time::Duration::new(seconds, stamp.nanosec.min(999_999_999));
+    let since = std::time::Duration::from_nanos(stamp.nanos().unsigned_abs());
     humantime::format_rfc3339_nanos(std::time::UNIX_EPOCH + since).to_string()
 }
 

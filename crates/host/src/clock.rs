@@ -29,6 +29,27 @@ fn wall() -> i64 {
     i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }
 
+/// The wall clock shows an instant that no stamp holds.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the clock of this computer is set {0}: stamps hold 1970 to 2106; set it, by hand or by NTP, and start again"
+)]
+pub struct NotATime(&'static str);
+
+/// # Errors
+/// The wall clock is set before 1970 or after 2106, which the 32-bit seconds of a stamp do not hold.
+pub fn check() -> Result<(), NotATime> {
+    checked(SystemTime::now())
+}
+
+fn checked(wall: SystemTime) -> Result<(), NotATime> {
+    let since = wall
+        .duration_since(UNIX_EPOCH)
+        .map_err(|_| NotATime("before 1970"))?;
+    u32::try_from(since.as_secs()).map_err(|_| NotATime("after 2106"))?;
+    Ok(())
+}
+
 /// Offset of this process's stamps from the monotonic clock of the system, ns; fixed when it is first asked for.
 pub fn offset() -> i64 {
     *OFFSET.get_or_init(|| wall() - monotonic())
@@ -96,6 +117,17 @@ mod tests {
             clock.step_to((13 - 3600) * second, Stamp(13 * second)),
             None
         );
+    }
+
+    #[test]
+    fn a_clock_that_no_stamp_holds_is_refused() {
+        let seconds = std::time::Duration::from_secs;
+        let after_2038 = UNIX_EPOCH + seconds(1 << 31);
+        assert!(checked(after_2038).is_ok());
+        let early = checked(UNIX_EPOCH - seconds(1)).unwrap_err();
+        assert!(early.to_string().contains("before 1970"), "{early}");
+        let late = checked(UNIX_EPOCH + seconds(1 << 32)).unwrap_err();
+        assert!(late.to_string().contains("after 2106"), "{late}");
     }
 
     #[test]

@@ -127,6 +127,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
             "--ros-args: not accepted by this command, which does not concern a running cell"
         );
     }
+    host::clock::check()?;
     match command {
         Command::Up {
             cell,

@@ -113,9 +113,9 @@ pub fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
     for topic in reporting.filter(|topic| topic.message.name == Fault::TYPE.name) {
         faults.extend(reader.all(*topic)?);
     }
-    faults.sort_by_key(|fault| (fault.header.stamp.sec, fault.header.stamp.nanosec));
+    faults.sort_by_key(|fault| fault.header.stamp.nanos());
     let mut loss_reports: Vec<LossReport> = reader.all(topics::LOSS_REPORTS)?;
-    loss_reports.sort_by_key(|loss| (loss.header.stamp.sec, loss.header.stamp.nanosec));
+    loss_reports.sort_by_key(|loss| loss.header.stamp.nanos());
     let provenance = |key: &str| {
         let tables = bag.metadata().filter(|(name, _)| *name == PROVENANCE);
         let values = tables.filter_map(|(_, table)| table.get(key));

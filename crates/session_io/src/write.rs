@@ -149,7 +149,7 @@ impl Writer<'_> {
 }
 
 fn nanoseconds(stamp: Time) -> u64 {
-    u64::try_from(stamp.sec).unwrap_or(0) * 1_000_000_000 + u64::from(stamp.nanosec)
+    stamp.nanos().unsigned_abs()
 }
 
 /// The first instant of the session.

@@ -81,7 +81,7 @@ impl<'a> Act<'a> {
 
     /// The bytes that are signed.
     pub fn statement(&self) -> Vec<u8> {
-        let instant = i64::from(self.at.sec) * 1_000_000_000 + i64::from(self.at.nanosec);
+        let instant = self.at.nanos();
         let fields: [&[u8]; 7] = [
             b"probecell act 1",
             self.cell.as_bytes(),

@@ -142,7 +142,7 @@ pub fn check(keys: &OperatorKeys, act: &Act<'_>, signature: &[u8]) -> Result<(),
 /// # Errors
 /// [`NotApproved`] says why.
 pub fn is_fresh(now: i64, correction: &Correction) -> Result<(), NotApproved> {
-    let age = now - nanoseconds(correction.approved_at);
+    let age = now - correction.approved_at.nanos();
     let by = || correction.approved_by.clone();
     if age > AGE_LIMIT {
         let age = age as f64 * 1e-9;
@@ -193,10 +193,6 @@ fn kind(correction: &Correction) -> Option<Kind> {
         Correction::APPROVAL_REJECTED => Some(Kind::Reject),
         _ => None,
     }
-}
-
-fn nanoseconds(time: Time) -> i64 {
-    i64::from(time.sec) * 1_000_000_000 + i64::from(time.nanosec)
 }
 
 /// What signs for the policy of a cell.

@@ -135,14 +135,17 @@ fn result(plan: &str, size_mm: f64) -> Input {
     })
 }
 
+/// When the inputs of [`check`] come.
+const NOW: Stamp = Stamp(10_000_000_000);
+
 /// What the last of the inputs makes the node say, a line each.
 fn check(config: &Config, inputs: Vec<Input>, expected: &[&str]) {
     let mut state = started(config);
     let mut said = Vec::new();
     for input in inputs {
-        let input = signed(&state, Stamp(0), input);
+        let input = signed(&state, NOW, input);
         let mut out = Outbox::default();
-        CompensationNode::step(config, &mut state, Stamp(0), input, &mut out);
+        CompensationNode::step(config, &mut state, NOW, input, &mut out);
         said = out.messages().iter().map(line).collect();
     }
     assert_eq!(said, expected);
@@ -450,12 +453,12 @@ fn what_was_proposed_for_a_part_is_void_when_the_part_has_ended() {
     for verdict in [PartReport::STOPPED, PartReport::SCRAP] {
         check(
             &config,
-            proposed(vec![part(verdict, 8), answer("Ada", true)]),
+            proposed(vec![part(verdict, 18), answer("Ada", true)]),
             &["refused: correction \"p/1/T2/4\" is void: its part has ended"],
         );
     }
     // The report of a part before, and of a run that only measured, take nothing back.
-    for (verdict, sec) in [(PartReport::STOPPED, -4), (PartReport::MEASURED, 8)] {
+    for (verdict, sec) in [(PartReport::STOPPED, 6), (PartReport::MEASURED, 18)] {
         check(
             &config,
             proposed(vec![part(verdict, sec), answer("Ada", true)]),

@@ -73,10 +73,7 @@ pub(crate) fn finding_message(
         part: change.part as u32,
         onset_plan_id: change.plan_id.clone(),
         onset_part: change.onset as u32,
-        onset: Time {
-            sec: (change.since / 1_000_000_000) as i32,
-            nanosec: (change.since % 1_000_000_000) as u32,
-        },
+        onset: Time::from_nanos(change.since),
         false_alarms: rate,
         effects: cause.map_or_else(Vec::new, |cause| cause.group.clone()),
         probability: cause.map_or(0.0, |cause| cause.probability),

@@ -36,10 +36,10 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
             }
         }
         Input::Joints(joints) => {
-            state.joints.push(nanoseconds(joints.header.stamp), joints);
+            state.joints.push(joints.header.stamp.nanos(), joints);
         }
         Input::State(machine) => {
-            let at = nanoseconds(machine.header.stamp);
+            let at = machine.header.stamp.nanos();
             state.states.push_turning(at, machine, same_drivers);
         }
         Input::Corrected(_) => state.watch = ChangeMonitor::default(),
@@ -94,7 +94,7 @@ fn take_touches(config: &Config, state: &mut State) {
         return;
     };
     for event in (state.waiting).release(|event| event.plan_id == plan.plan_id) {
-        let at = nanoseconds(event.header.stamp);
+        let at = event.header.stamp.nanos();
         state.joints.mark(at);
         state.states.mark(at);
         let completes = state.open.remove(&event.point_index) && state.open.is_empty();
@@ -112,7 +112,7 @@ fn take_touches(config: &Config, state: &mut State) {
 /// Stamp of the latest event, ns.
 fn last_touch(state: &State) -> Option<i64> {
     let stamps = state.events.iter().map(|event| event.header.stamp);
-    stamps.map(nanoseconds).max()
+    stamps.map(Time::nanos).max()
 }
 
 /// The session of the plan, joined with the one that it supplements; `None` without a plan.
@@ -171,8 +171,4 @@ fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
         let message = finding_message(&change, &plan_id, rate, now.header(""));
         out.send(Output::Finding(message));
     }
-}
-
-fn nanoseconds(stamp: Time) -> i64 {
-    i64::from(stamp.sec) * 1_000_000_000 + i64::from(stamp.nanosec)
 }

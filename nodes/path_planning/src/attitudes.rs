@@ -9,6 +9,8 @@
 //! postures (`hubs`) that are chosen one after the other such that all points together are nearest to one of them. An arm
 //! that can stay in one configuration does, and where a point needs another one, it has it. Metres, radians, part frame.
 
+use std::ops::Range;
+
 use machine::{
     Nominal,
     access::{Access, TouchPose},
@@ -38,6 +40,19 @@ pub(crate) fn candidates(
     part: &Nominal,
     poses: &[Poses],
 ) -> Result<Vec<Candidate>, PlanningError> {
+    let points = 0..plan.points.len();
+    let all = of_points(rules, attitudes, (plan, part), poses, points)?;
+    Ok(nearest_to_hubs(rules, all, attitudes.kept))
+}
+
+/// All candidates of some points of a plan.
+pub(crate) fn of_points(
+    rules: &MotionRules<'_>,
+    attitudes: &Attitudes,
+    (plan, part): (&InspectionPlan, &Nominal),
+    poses: &[Poses],
+    points: Range<usize>,
+) -> Result<Vec<Vec<Candidate>>, PlanningError> {
     let mut solver = Solver::new(rules, plan, part)?;
     let around = Surroundings::new(rules.chain, plan, part);
     let contacts: Vec<TouchPose> = (0..plan.points.len())
@@ -47,8 +62,8 @@ pub(crate) fn candidates(
         })
         .collect();
     let access = Access::new(rules.chain, part, plan, &contacts);
-    let mut all = Vec::with_capacity(plan.points.len());
-    for point in 0..plan.points.len() {
+    let mut all = Vec::with_capacity(points.len());
+    for point in points {
         let own = vec![plan.points[point].rotary_positions.clone()];
         let poses = poses.get(point).filter(|poses| !poses.is_empty());
         let feature = plan.points[point].feature as usize;
@@ -70,7 +85,7 @@ pub(crate) fn candidates(
         }
         all.push(found);
     }
-    Ok(nearest_to_hubs(rules, all, attitudes.kept))
+    Ok(all)
 }
 
 /// How many attitudes and postures of a point were tried, and what became of them.
@@ -169,7 +184,7 @@ impl Solver<'_> {
 
 /// Of the candidates of each point those nearest in joint time to a few postures that serve all points well; the one
 /// nearest to the first of these postures comes first.
-fn nearest_to_hubs(
+pub(crate) fn nearest_to_hubs(
     rules: &MotionRules<'_>,
     mut all: Vec<Vec<Candidate>>,
     kept: usize,

@@ -1,7 +1,7 @@
 //! An order in the making: a value between any two slices of the work, so that a node can take other inputs in between and
 //! report its progress.
 //!
-//! First the candidates of all points are found ([`crate::candidates`]), then where transits to and from each end, then
+//! First the candidates of all points are found ([`crate::candidates`]; those of an arm some points at a time), then where transits to and from each end, then
 //! the time of each transit ([`crate::transit`]), then order and poses are searched together. How the work is sliced
 //! changes nothing of the answer. Seconds, metres, radians.
 
@@ -11,15 +11,17 @@ use probecell_msgs::{InspectionPlan, MeasurementOrder, PlanProgress};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    candidates,
+    attitudes, candidates,
     error::{MAX_TOUCHES, MAX_TURNS, PlanningError},
     moves,
-    rules::MotionRules,
+    rules::{Attitudes, MotionRules},
     solver::{Candidate, Poses, Seed},
     table::TimeTable,
     transit::{Ends, NO_TRANSIT, Transits},
 };
 
+/// Points of an arm whose attitudes are found in one slice.
+const POINTS: usize = 4;
 /// Candidates whose ends are found in one slice.
 const ENDS: usize = 50;
 /// Kicks of the search in one slice.
@@ -61,6 +63,9 @@ pub struct Task {
     /// Of each of the points.
     stages: Vec<u32>,
     here: Option<Vec<f64>>,
+    /// Of an arm: poses of the points, and all candidates of the first of them, until they are known.
+    poses: Vec<Poses>,
+    attitudes: Vec<Vec<Candidate>>,
     candidates: Vec<Candidate>,
     /// Of the first candidates.
     ends: Vec<Ends>,
@@ -113,6 +118,8 @@ impl Task {
             points: points.to_vec(),
             stages: points.iter().map(stage).collect(),
             here: request.here.map(<[f64]>::to_vec),
+            poses: Vec::new(),
+            attitudes: Vec::new(),
             candidates: Vec::new(),
             ends: Vec::new(),
             times: TimeTable::default(),
@@ -120,9 +127,31 @@ impl Task {
         };
         let part = task.part();
         let nominal = Nominal::from_plan(&part)?;
+        if rules.attitudes.is_some() && request.seeds.is_empty() {
+            task.poses = poses;
+            return Ok(task);
+        }
         let candidates = candidates::all(rules, &part, &nominal, &poses, request.seeds);
         task.candidates = candidates.map_err(|error| error.of_points(points))?;
         Ok(task)
+    }
+
+    /// The candidates of the next points of an arm.
+    fn find_attitudes(
+        &mut self,
+        rules: &MotionRules<'_>,
+        of_arm: &Attitudes,
+        (part, nominal): (&InspectionPlan, &Nominal),
+    ) -> Result<(), PlanningError> {
+        let known = self.attitudes.len();
+        let next = known..self.points.len().min(known + POINTS);
+        let found = attitudes::of_points(rules, of_arm, (part, nominal), &self.poses, next);
+        (self.attitudes).extend(found.map_err(|error| error.of_points(&self.points))?);
+        if self.attitudes.len() == self.points.len() {
+            let all = std::mem::take(&mut self.attitudes);
+            self.candidates = attitudes::nearest_to_hubs(rules, all, of_arm.kept);
+        }
+        Ok(())
     }
 
     /// The plan that is ordered, as it was given.
@@ -137,6 +166,13 @@ impl Task {
     pub fn advance(&mut self, rules: &MotionRules<'_>) -> Result<Option<Planned>, PlanningError> {
         let part = self.part();
         let nominal = Nominal::from_plan(&part)?;
+        if let Some(of_arm) = rules.attitudes
+            && self.candidates.is_empty()
+            && !self.points.is_empty()
+        {
+            self.find_attitudes(rules, of_arm, (&part, &nominal))?;
+            return Ok(None);
+        }
         if self.ends.len() < self.candidates.len() {
             let transits = Transits::new(rules, &part, &nominal, &self.candidates, &[]);
             let next = self.ends.len()..self.candidates.len().min(self.ends.len() + ENDS);

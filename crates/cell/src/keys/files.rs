@@ -49,6 +49,12 @@ pub enum KeyError {
         /// The file.
         path: PathBuf,
     },
+    /// Others can write who the operators are.
+    #[error("{path} can be written by others, who could make themselves operators: chmod o-w it")]
+    Writable {
+        /// The file, or its folder.
+        path: PathBuf,
+    },
     /// The file holds something else.
     #[error("{path} does not contain a key: {source}")]
     NotAKey {
@@ -162,6 +168,8 @@ impl KeyFolder {
         let path = self.0.join("operators.toml");
         match fs::read_to_string(&path) {
             Ok(text) => {
+                refuse_writable(&path)?;
+                refuse_writable(&self.0)?;
                 Operators::from_toml(&text).map_err(|source| KeyError::Operators { path, source })
             }
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Operators::default()),
@@ -310,6 +318,16 @@ fn written_beside(path: &Path, text: &str) -> Result<PathBuf, KeyError> {
     };
     write().map_err(|source| file("write", &beside, source))?;
     Ok(beside)
+}
+
+/// Refuses what everybody can write, a folder unless its sticky bit keeps its files (as ssh does with `StrictModes`).
+fn refuse_writable(path: &Path) -> Result<(), KeyError> {
+    let mode = (fs::metadata(path).map_err(|source| file("read", path, source))?).mode();
+    if mode & 0o002 != 0 && mode & 0o1000 == 0 {
+        let path = path.to_owned();
+        return Err(KeyError::Writable { path });
+    }
+    Ok(())
 }
 
 fn read_private(path: &Path) -> Result<SecretKey, KeyError> {

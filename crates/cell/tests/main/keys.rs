@@ -66,6 +66,48 @@ fn the_key_of_a_cell_is_made_once_and_for_its_owner_only() {
     );
 }
 
+/// Who can write the list of operators, or put another in its place, is an operator.
+#[test]
+fn a_list_of_operators_that_others_can_write_is_refused() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("keys");
+    let folder = KeyFolder::of(&cell(&path)).expect("a folder");
+    let key = SecretKey::from_seed([7; 32]).public();
+    folder.register("Ada", key).expect("registered");
+    let list = path.join("operators.toml");
+    let set = |path: &Path, mode: u32| {
+        fs::set_permissions(path, fs::Permissions::from_mode(mode)).expect("its owner");
+    };
+    let read = || folder.operators().map_err(|error| error.to_string());
+    for (of_list, of_folder, refused) in [
+        (0o600, 0o700, None),
+        (0o644, 0o755, None),
+        (0o666, 0o700, Some(&list)),
+        (0o602, 0o700, Some(&list)),
+        (0o600, 0o777, Some(&path)),
+        (0o600, 0o1777, None),
+    ] {
+        set(&list, of_list);
+        set(&path, of_folder);
+        let what = format!("{of_list:o} {of_folder:o}");
+        match (read(), refused) {
+            (Ok(operators), None) => assert_eq!(operators.keys.len(), 1, "{what}"),
+            (Err(text), Some(file)) => {
+                assert!(text.starts_with(&file.display().to_string()), "{text}");
+                assert!(text.contains("can be written by others"), "{text}");
+            }
+            (got, _) => panic!("{what}: {got:?}"),
+        }
+    }
+    set(&list, 0o600);
+    set(&path, 0o777);
+    let refused = folder.register("Eve", SecretKey::from_seed([8; 32]).public());
+    assert!(
+        refused.is_err(),
+        "a list is not added to where others can write"
+    );
+}
+
 #[test]
 fn operators_are_registered_and_withdrawn_and_each_change_has_a_number() {
     let scratch = tempfile::tempdir().expect("a folder");

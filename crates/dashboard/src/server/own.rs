@@ -41,10 +41,19 @@ pub(super) fn host(headers: &HeaderMap) -> Option<&str> {
 
 /// An address, `localhost`, or one of the names of this host; a port may follow.
 fn is_own(host: &str, names: &[String]) -> bool {
-    let name = match host.strip_prefix('[') {
-        Some(rest) => rest.split(']').next().unwrap_or(rest),
-        None => host.rsplit_once(':').map_or(host, |(name, _)| name),
+    let (name, port) = match host.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
+        Some((name, port)) => (
+            name,
+            port.strip_prefix(':').or(port.is_empty().then_some("0")),
+        ),
+        None => host
+            .split_once(':')
+            .map_or((host, Some("0")), |(name, port)| (name, Some(port))),
     };
+    // Whatever follows the name and is no port makes it another name.
+    if port.is_none_or(|port| port.parse::<u16>().is_err()) {
+        return false;
+    }
     name.parse::<IpAddr>().is_ok()
         || name.eq_ignore_ascii_case("localhost")
         || names.iter().any(|own| own.eq_ignore_ascii_case(name))
@@ -102,6 +111,10 @@ mod tests {
             "127.0.0.1.evil.example",
             "localhost.evil.example:7480",
             "hall-pc.evil.example",
+            "127.0.0.1@evil.example:7480",
+            "127.0.0.1:7480@evil.example",
+            "127.0.0.1:7480/evil",
+            "[::1]evil.example",
             "",
         ] {
             assert!(!is_own(other, &names), "{other}");

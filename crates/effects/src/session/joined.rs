@@ -81,7 +81,7 @@ pub fn join(first: &Session, later: &Session) -> Result<Session, SessionError> {
 
 /// Samples by their stamps, each once.
 fn in_order<T: PartialEq>(samples: &mut Vec<T>, stamp: impl Fn(&T) -> Time) {
-    samples.sort_by_key(|one| (stamp(one).sec, stamp(one).nanosec));
+    samples.sort_by_key(|one| stamp(one).nanos());
     samples.dedup();
 }
 

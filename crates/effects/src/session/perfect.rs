@@ -53,10 +53,7 @@ pub fn with_nominal_touches(session: &Session) -> Result<Session, SessionError> 
         let time = first + PACE * index as f64;
         events.push(ProbeEvent {
             header: std_msgs::Header {
-                stamp: Time {
-                    sec: time.floor() as i32,
-                    nanosec: ((time - time.floor()) * 1e9) as u32,
-                },
+                stamp: Time::from_nanos((time * 1e9) as i64),
                 frame_id: String::new(),
             },
             sequence: index as u64,

@@ -224,12 +224,12 @@ impl Reader<'_> {
             return Ok(None);
         };
         let time = self.si(row, index, Quantity::Time)?;
-        if (0.0..f64::from(i32::MAX)).contains(&time) {
+        if (0.0..f64::from(u32::MAX)).contains(&time) {
             Ok(Some(time))
         } else {
             Err(row.wrong(
                 index,
-                "expected a time that is not negative, and before 2038",
+                "expected a time that is not negative, and before 2106",
             ))
         }
     }

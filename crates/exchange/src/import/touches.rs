@@ -405,12 +405,12 @@ impl<'a> Reader<'a> {
         }
         if unit != "rfc3339" {
             let time = factor * row.number(index, self.settings.layout)?;
-            return if (0.0..f64::from(i32::MAX)).contains(&time) {
+            return if (0.0..f64::from(u32::MAX)).contains(&time) {
                 Ok(time)
             } else {
                 Err(row.wrong(
                     index,
-                    "expected a time that is not negative, and before 2038",
+                    "expected a time that is not negative, and before 2106",
                 ))
             };
         }

@@ -3,7 +3,7 @@
 use std::{
     os::unix::process::CommandExt,
     path::{Path, PathBuf},
-    process::{Child, Command},
+    process::{Child, Command, ExitStatus},
     time::{Duration, Instant},
 };
 
@@ -23,6 +23,8 @@ pub(super) const PERIOD: Duration = Duration::from_millis(20);
 pub(super) const END_TIMEOUT: Duration = Duration::from_secs(10);
 /// Name of the process that records.
 const RECORDER: &str = "recorder";
+/// Name of the process that serves the pages.
+const DASHBOARD: &str = "dashboard";
 /// Delay before a dead process is restarted; it doubles each time, up to the longest.
 const FIRST_DELAY: Duration = Duration::from_millis(200);
 const LONGEST_DELAY: Duration = Duration::from_secs(10);
@@ -46,6 +48,39 @@ impl Supervised {
             restart_at: None,
         }
     }
+
+    /// How it has ended since the last call; it is to be started again after a delay.
+    fn ended(&mut self) -> anyhow::Result<Option<ExitStatus>> {
+        if self.restart_at.is_some() {
+            return Ok(None);
+        }
+        let Some(status) = self.child.try_wait()? else {
+            return Ok(None);
+        };
+        self.restart_at = Some(Instant::now() + self.delay);
+        self.delay = (self.delay * 2).min(LONGEST_DELAY);
+        Ok(Some(status))
+    }
+
+    fn is_due(&self) -> bool {
+        self.restart_at.is_some_and(|at| Instant::now() >= at)
+    }
+
+    fn restarted(&mut self, child: Child) {
+        self.child = child;
+        self.starts += 1;
+        self.restart_at = None;
+    }
+
+    /// The sentence that says how it ended.
+    fn obituary(&self, status: ExitStatus) -> String {
+        format!("{} ended ({status}); restarting it", self.name)
+    }
+}
+
+/// A setting that is wrong stays so at the next attempt.
+fn is_of_input(status: ExitStatus) -> bool {
+    status.code() == Some(i32::from(crate::BAD_INPUT))
 }
 
 /// The processes of a cell.
@@ -55,7 +90,7 @@ pub(super) struct Processes {
     nodes: Vec<Supervised>,
     recorder: Option<Supervised>,
     /// It only reads: the cell does not depend on it.
-    dashboard: Option<Child>,
+    dashboard: Option<Supervised>,
 }
 
 impl Processes {
@@ -71,14 +106,18 @@ impl Processes {
 
     /// The dashboard prints its address itself, or why it does not run; the cell runs in any case.
     pub(super) fn start_dashboard(&mut self) -> anyhow::Result<()> {
+        let child = self.spawn_dashboard()?;
+        self.dashboard = Some(Supervised::new(DASHBOARD, child));
+        Ok(())
+    }
+
+    fn spawn_dashboard(&self) -> anyhow::Result<Child> {
         let mut command = Command::new(std::env::current_exe()?);
         command
             .args(commands::dashboard::arguments(&self.file))
             .args(ros_arguments::words())
             .process_group(0);
-        let child = command.spawn().context("cannot start the dashboard")?;
-        self.dashboard = Some(child);
-        Ok(())
+        command.spawn().context("cannot start the dashboard")
     }
 
     pub(super) fn start(&mut self, name: &str) -> anyhow::Result<()> {
@@ -137,35 +176,21 @@ impl Processes {
         let mut ended = Vec::new();
         for index in 0..self.nodes.len() {
             let node = &mut self.nodes[index];
-            match node.restart_at {
-                None => {
-                    if let Some(status) = node.child.try_wait()? {
-                        // A wrong setting stays wrong at the next attempt.
-                        if status.code() == Some(i32::from(crate::BAD_INPUT)) {
-                            return Err(CellFailure(format!(
-                                "{} cannot run: see the error above",
-                                node.name
-                            ))
-                            .into());
-                        }
-                        let text = format!("{} ended ({status}); restarting it", node.name);
-                        output::warning(&text);
-                        ended.push((node.name.clone(), text));
-                        node.restart_at = Some(Instant::now() + node.delay);
-                        node.delay = (node.delay * 2).min(LONGEST_DELAY);
-                    }
+            if let Some(status) = node.ended()? {
+                if is_of_input(status) {
+                    let text = format!("{} cannot run: see the error above", node.name);
+                    return Err(CellFailure(text).into());
                 }
-                Some(at) if restarted && Instant::now() >= at => {
-                    let (name, starts) = (node.name.clone(), node.starts);
-                    let child = self.spawn_node(&name, starts)?;
-                    let node = &mut self.nodes[index];
-                    node.child = child;
-                    node.starts += 1;
-                    node.restart_at = None;
-                }
-                Some(_) => {}
+                let text = node.obituary(status);
+                output::warning(&text);
+                ended.push((node.name.clone(), text));
+            } else if restarted && node.is_due() {
+                let (name, starts) = (node.name.clone(), node.starts);
+                let child = self.spawn_node(&name, starts)?;
+                self.nodes[index].restarted(child);
             }
         }
+        self.supervise_dashboard(restarted)?;
         if let Some(recorder) = &mut self.recorder
             && let Some(status) = recorder.child.try_wait()?
         {
@@ -177,9 +202,31 @@ impl Processes {
         Ok(ended)
     }
 
+    /// Pages are not of the cell: their end stops no part, and where they cannot be served the cell goes on without.
+    fn supervise_dashboard(&mut self, restarted: bool) -> anyhow::Result<()> {
+        let Some(dashboard) = &mut self.dashboard else {
+            return Ok(());
+        };
+        if let Some(status) = dashboard.ended()? {
+            if is_of_input(status) {
+                self.dashboard = None;
+            } else {
+                output::warning(&dashboard.obituary(status));
+            }
+        } else if restarted && dashboard.is_due() {
+            let child = self.spawn_dashboard()?;
+            self.dashboard = (self.dashboard.take()).map(|mut dashboard| {
+                dashboard.restarted(child);
+                dashboard
+            });
+        }
+        Ok(())
+    }
+
     /// The state of each process.
     pub(super) fn states(&self) -> Vec<ProcessState> {
-        let all = self.nodes.iter().chain(&self.recorder);
+        let beside = self.recorder.iter().chain(&self.dashboard);
+        let all = self.nodes.iter().chain(beside);
         all.map(|process| ProcessState {
             name: process.name.clone(),
             running: process.restart_at.is_none(),
@@ -197,8 +244,8 @@ impl Processes {
             wait_for_end(&mut node.child, END_TIMEOUT)?;
         }
         if let Some(dashboard) = &mut self.dashboard {
-            terminate(dashboard);
-            wait_for_end(dashboard, END_TIMEOUT)?;
+            terminate(&mut dashboard.child);
+            wait_for_end(&mut dashboard.child, END_TIMEOUT)?;
         }
         let Some(recorder) = &mut self.recorder else {
             return Ok(false);
@@ -211,9 +258,8 @@ impl Processes {
 
 impl Drop for Processes {
     fn drop(&mut self) {
-        let supervised = self.nodes.iter_mut().chain(&mut self.recorder);
-        let children = supervised.map(|process| &mut process.child);
-        for child in children.chain(&mut self.dashboard) {
+        let beside = self.recorder.iter_mut().chain(&mut self.dashboard);
+        for child in (self.nodes.iter_mut().chain(beside)).map(|process| &mut process.child) {
             if matches!(child.try_wait(), Ok(None)) {
                 // Already gone, or not ours any more: nothing is left to do in either case.
                 drop(child.kill());

@@ -302,7 +302,7 @@ impl<A: Action> Goals<A> {
         let GoalInfo { goal_id, stamp } = asked.goal_info;
         let by_id = goal_id != UUID::default();
         let all = !by_id && stamp == Time::default();
-        let order = |time: Time| (time.sec, time.nanosec);
+        let order = Time::nanos;
         let meant = |info: &GoalInfo| {
             all || by_id && info.goal_id == goal_id
                 || stamp != Time::default() && order(info.stamp) <= order(stamp)

@@ -132,7 +132,7 @@ impl Running {
     /// Ends the goal whose part was reported last.
     fn end(&mut self) {
         let report = self.last.clone();
-        let order = |time: Time| (time.sec, time.nanosec);
+        let order = Time::nanos;
         // A report from before the request is that of another part.
         let is_of = |accepted: Time| order(report.header.stamp) >= order(accepted);
         if !(self.goals.active()).is_some_and(|goal| is_of(goal.pursued.accepted)) {

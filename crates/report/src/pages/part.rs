@@ -392,9 +392,6 @@ fn readable(rfc3339: &str) -> String {
     rfc3339.trim_end_matches('Z').replace('T', " ")
 }
 
-/// The instant of a stamp; one before 1970 becomes 1970.
 fn instant(stamp: Time) -> std::time::SystemTime {
-    let seconds = u64::try_from(stamp.sec).unwrap_or(0);
-    let since = std::time::Duration::new(seconds, stamp.nanosec.min(999_999_999));
-    std::time::UNIX_EPOCH + since
+    std::time::UNIX_EPOCH + std::time::Duration::from_nanos(stamp.nanos().unsigned_abs())
 }

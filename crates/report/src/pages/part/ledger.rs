@@ -40,7 +40,7 @@ pub(super) fn add(page: &mut Page, session: &PartSession) {
         return;
     }
     // Stable: of steps of one instant a correction stands before the answer to it.
-    steps.sort_by_key(|step| (step.stamp.sec, step.stamp.nanosec));
+    steps.sort_by_key(|step| step.stamp.nanos());
     let mut table = Table::new(
         "Approvals, commands and answers of the machine",
         &[
