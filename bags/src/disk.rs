@@ -1,8 +1,9 @@
 //! The files of a recording, behind a small interface, so that a test can let each write and each sync fail.
 
 use std::fmt::Debug;
-use std::fs::{File, OpenOptions};
-use std::io::{self, Write};
+use std::fs::{File, Metadata, OpenOptions};
+use std::io::{self, Seek, SeekFrom, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,6 +15,27 @@ pub trait DiskFile: Send + Sync {
 
     /// Makes everything written durable.
     fn sync(&self) -> io::Result<()>;
+
+    /// Whether the file still stands where it was made.
+    fn place(&self, _made_at: &Path) -> io::Result<Place> {
+        Ok(Place::Kept)
+    }
+
+    /// Copies what was written into a new file, durably; works for a file that has no name any more.
+    fn copy_to(&self, _path: &Path) -> io::Result<()> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+}
+
+/// What has become of the name of an open file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// It is where it was made.
+    Kept,
+    /// It has another name.
+    Moved,
+    /// It has none, and is gone once it is closed.
+    Removed,
 }
 
 /// Where recordings are written.
@@ -41,12 +63,31 @@ impl DiskFile for File {
     fn sync(&self) -> io::Result<()> {
         self.sync_data()
     }
+
+    fn place(&self, made_at: &Path) -> io::Result<Place> {
+        let own = self.metadata()?;
+        let there = std::fs::symlink_metadata(made_at);
+        let is_own = |there: Metadata| (there.dev(), there.ino()) == (own.dev(), own.ino());
+        Ok(match own.nlink() {
+            0 => Place::Removed,
+            _ if there.is_ok_and(is_own) => Place::Kept,
+            _ => Place::Moved,
+        })
+    }
+
+    fn copy_to(&self, path: &Path) -> io::Result<()> {
+        let mut reader = self.try_clone()?;
+        reader.seek(SeekFrom::Start(0))?;
+        let mut to = OpenOptions::new().write(true).create_new(true).open(path)?;
+        io::copy(&mut reader, &mut to)?;
+        to.sync_all()
+    }
 }
 
 impl Disk for SystemDisk {
     fn create(&self, path: &Path, anew: bool) -> io::Result<Arc<dyn DiskFile>> {
         let mut options = OpenOptions::new();
-        options.write(true).truncate(!anew);
+        options.read(true).write(true).truncate(!anew);
         let file = if anew {
             options.create_new(true).open(path)?
         } else {
@@ -88,6 +129,10 @@ impl Stream {
     /// Makes everything written durable.
     pub(crate) fn sync(&self) -> io::Result<()> {
         self.attempt(|| self.file.sync())
+    }
+
+    pub(crate) fn file(&self) -> &dyn DiskFile {
+        &*self.file
     }
 
     fn attempt<T>(&self, operation: impl FnOnce() -> io::Result<T>) -> io::Result<T> {

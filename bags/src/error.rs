@@ -25,6 +25,22 @@ pub enum Error {
         /// File being written.
         path: PathBuf,
     },
+    /// The open file of a recording was given another name.
+    #[error(
+        "the recording was moved while it was written; what was recorded until then is where it is now: {path}"
+    )]
+    Moved {
+        /// File that was written.
+        path: PathBuf,
+    },
+    /// The open file of a recording was removed; what it held was copied from its descriptor.
+    #[error("the recording was removed while it was written; {kept}: {path}")]
+    Removed {
+        /// What became of what it held.
+        kept: String,
+        /// File that was written.
+        path: PathBuf,
+    },
     /// A recording is never written over another one.
     #[error("the folder exists already, a recording is never written over another: {path}")]
     Exists {

@@ -48,7 +48,7 @@ mod split;
 
 pub use channel::{Channel, Durability, History, Qos, Reliability};
 pub use damage::{Damage, DamageKind};
-pub use disk::{Disk, DiskFile, SystemDisk};
+pub use disk::{Disk, DiskFile, Place, SystemDisk};
 pub use error::Error;
 pub use gaps::{Gap, LossEvidence};
 pub use info::{AttachmentInfo, FileInfo, Info, TopicInfo};

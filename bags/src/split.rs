@@ -13,7 +13,7 @@ use mcap::{Compression, WriteOptions, Writer};
 use sha2::{Digest, Sha256};
 
 use crate::channel::Channel;
-use crate::disk::{Disk, Stream};
+use crate::disk::{Disk, Place, Stream};
 use crate::error::Error;
 use crate::metadata::FileInformation;
 use crate::seal::{Digested, hexadecimal};
@@ -238,6 +238,21 @@ impl SplitFile {
         self.writer
             .write_metadata(metadata)
             .map_err(|source| Error::mcap(&self.path, source))
+    }
+
+    /// Whether the file still stands where it was made.
+    pub(crate) fn place(&self) -> Result<Place, Error> {
+        let place = self.file.file().place(&self.path);
+        place.map_err(|source| Error::io("look at the recording", &self.path, source))
+    }
+
+    /// Another handle of the file.
+    pub(crate) fn stream(&self) -> Stream {
+        self.file.clone()
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Closes the chunk and makes everything so far durable.

@@ -355,6 +355,56 @@ def a_disk_that_fails_stops_the_part_and_the_cell(folder):
     assert after["run_requests"] == 1 and all(after[topic] >= count for topic, count in before.items()), (before, after)
 
 
+def a_recording_that_is_taken_away_stops_the_part_and_is_kept(folder):
+    """Removed, replaced or moved while a part is cut: the cell says so within seconds, ends, and what was recorded can be read."""
+    changes = {
+        "removed": lambda bag, away: shutil.rmtree(bag),
+        "replaced": lambda bag, away: shutil.copy(CELL, away) and os.replace(away, next(bag.glob("*.mcap"))),
+        "moved": lambda bag, away: bag.rename(away),
+    }
+    for what, change in changes.items():
+        place = folder / what
+        place.mkdir()
+        cell = own_cell(place, cut_s=LONG)
+        with cell_that_is_ready(cell, place) as up:
+            cutting(cell, place)
+            (bag,) = (place / "recordings").glob("*")
+            change(bag, place / "away")
+            code, output, errors = up.ended()
+        assert code == 1 and "part punch: stopped" in output, (what, code, output, errors)
+        assert f"the recording was {'moved' if what == 'moved' else 'removed'} while it was written" in errors, (what, errors)
+        assert "must not run unrecorded" in errors, (what, errors)
+        kept = place / "away" if what == "moved" else bag.with_name(f"{bag.name}_kept")
+        code, output, errors = asked("info", kept, "--json", folder=place)
+        topics = {topic["topic"]: topic["messages"] for topic in json.loads(output)["topics"]}
+        assert topics["/turn_mill/run_requests"] == 1 and topics["/turn_mill/controller_status"] > 10, (what, topics, errors)
+
+
+def a_dashboard_that_dies_is_started_again(folder):
+    cell = own_cell(folder)
+    with cell_that_is_ready(cell, folder) as up:
+        os.kill(kit.child(up.pid, "dashboard"), signal.SIGKILL)
+        until("its end", lambda: "dashboard ended" in up.errors)
+
+        def served():
+            (pages,) = [one for one in status(cell, folder)["processes"] if one["name"] == "dashboard"]
+            return pages["running"] and pages["starts"] == 2
+
+        until("the dashboard again", served)
+        address = re.findall(r"dashboard: (http://\S+)", up.errors)[-1]
+
+        def page():
+            try:
+                with urllib.request.urlopen(address, timeout=kit.patience(30)) as answer:
+                    return "turn_mill" in answer.read().decode()
+            except OSError:
+                return False
+
+        until("its page", page)
+        part_is_asked_for(cell, folder)
+        part_is_good(up)
+
+
 @contextlib.contextmanager
 def router(folder):
     with started("router", folder=folder) as process:
@@ -758,6 +808,7 @@ CHECKS = (
     every_process_of_a_cell_is_confined, a_machine_stops_when_its_gate_is_paused, an_operator_stops_a_part_and_ctrl_c_the_cell,
     a_paused_cycle_starts_nothing_late, the_same_cell_is_not_started_twice_and_another_outlives_its_router,
     a_wall_clock_set_back_is_a_recorded_fault, a_disk_that_fails_stops_the_part_and_the_cell,
+    a_recording_that_is_taken_away_stops_the_part_and_is_kept, a_dashboard_that_dies_is_started_again,
     a_killed_launcher_leaves_nothing_that_holds_commands_up,
     corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,
     a_secured_cell_works_and_nobody_else_speaks, a_stranger_reads_and_commands_nothing,

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::io::ErrorKind;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -11,6 +11,7 @@ use mcap::records::Metadata;
 use super::queue::{Entry, Queue};
 use super::{Losses, RecorderOptions, Statistics, TopicStatistics};
 use crate::channel::Channel;
+use crate::disk::{Place, Stream};
 use crate::error::Error;
 use crate::metadata::FolderInformation;
 use crate::seal::{Reach, Seals};
@@ -313,6 +314,41 @@ impl RecordingWriter {
         Ok(())
     }
 
+    /// Ends the recording where its open file has been moved or removed by another program: what would be written from now on
+    /// could not be found, or not be read.
+    fn check_place(&mut self, queue: &Queue) -> Result<(), Error> {
+        let Some(split) = &self.split else {
+            return Ok(());
+        };
+        let (path, stream, place) = (split.path().to_owned(), split.stream(), split.place()?);
+        if place == Place::Kept {
+            return Ok(());
+        }
+        // The descriptor is still there: the file is made whole. Without a summary it is read all the same.
+        drop(self.close_split(&queue.all_losses()));
+        if place == Place::Moved {
+            return Err(Error::Moved { path });
+        }
+        let kept = self.keep(&stream, &path).map_or_else(
+            |error| format!("what was recorded is lost ({error})"),
+            |kept| format!("what was recorded until then is kept in {}", kept.display()),
+        );
+        Err(Error::Removed { kept, path })
+    }
+
+    /// Copies the removed file into a folder beside that of the recording.
+    fn keep(&self, stream: &Stream, path: &Path) -> std::io::Result<PathBuf> {
+        let folder = self
+            .options
+            .folder
+            .with_file_name(format!("{}_kept", self.name));
+        std::fs::create_dir_all(&folder)?;
+        let file = folder.join(path.file_name().unwrap_or_default());
+        stream.file().copy_to(&file)?;
+        self.options.disk.sync_folder(&folder)?;
+        Ok(file)
+    }
+
     fn finish(&mut self, queue: &Queue) -> Result<Statistics, Error> {
         let losses = queue.all_losses();
         self.close_split(&losses)?;
@@ -374,6 +410,7 @@ impl RecordingWriter {
                 if since_clock >= CLOCK_STRIDE {
                     since_clock = 0;
                     if Instant::now() >= next_sync {
+                        self.check_place(queue)?;
                         self.sync(queue)?;
                         dirty = false;
                         next_sync = Instant::now() + period;
@@ -384,9 +421,11 @@ impl RecordingWriter {
                 queue.release(written);
             }
             if ended {
+                self.check_place(queue)?;
                 return self.finish(queue);
             }
             if Instant::now() >= next_sync {
+                self.check_place(queue)?;
                 if dirty || queue.all_losses().1 != self.losses_written {
                     self.sync(queue)?;
                     dirty = false;

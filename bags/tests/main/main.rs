@@ -7,6 +7,7 @@
 //! - `folders`: folders that are no recording of MCAP splits are named, with what makes them readable
 //! - `gaps`: what a recording lacks is named by topic and number
 //! - `kill`: a recorder that is killed loses nothing that it stated to be durable
+//! - `moved`: a recording whose files are moved or removed while they are written ends, and keeps what it holds
 //! - `refusing_disk`: a disk that refuses any one act ends the recording, and what was stated durable is there
 //! - `round_trip`: what is recorded is read back: whole, in order, split or not
 //! - `seals`: a sealed recording tells every later change
@@ -22,6 +23,7 @@ mod damage;
 mod folders;
 mod gaps;
 mod kill;
+mod moved;
 mod refusing_disk;
 mod round_trip;
 mod seals;
