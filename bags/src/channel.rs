@@ -6,7 +6,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use probecell_msgs::MessageType;
+use probecell_msgs::migration::Migration;
+use probecell_msgs::{MessageType, by_name};
 use serde::{Deserialize, Serialize};
 use yaml_rust2::{Yaml, YamlLoader};
 
@@ -182,6 +183,22 @@ impl Channel {
             qos,
             message_encoding: "cdr".to_owned(),
         }
+    }
+
+    /// Becomes a channel of this version of its type, where it is of another one; gives how its messages become so, where their
+    /// bytes change. A type that cannot be read as that of this version stays as it is.
+    pub(crate) fn migrated(&mut self) -> Option<Migration> {
+        let now = by_name(&self.type_name)?;
+        if self.type_hash == now.type_hash
+            || self.definition.is_empty()
+            || self.message_encoding != "cdr"
+        {
+            return None;
+        }
+        let migration = Migration::new(&self.definition, now).ok()?;
+        now.definition.clone_into(&mut self.definition);
+        now.type_hash.clone_into(&mut self.type_hash);
+        (!migration.is_identity()).then_some(migration)
     }
 
     /// A channel of a type of the project's messages.

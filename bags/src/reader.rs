@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use bytes::Bytes;
+use probecell_msgs::migration::Migration;
 
 use crate::channel::Channel;
 use crate::container::{AttachmentLocation, Contents};
@@ -57,6 +58,8 @@ pub struct Bag {
     path: PathBuf,
     files: Vec<Contents>,
     channels: Vec<Arc<Channel>>,
+    /// Of each channel, where its messages are of another version of their type.
+    migrations: Vec<Option<Migration>>,
     /// Number in `channels` of each file's channel ids.
     numbers: Vec<BTreeMap<u16, usize>>,
     missing: Vec<Damage>,
@@ -78,7 +81,7 @@ impl Bag {
             .map(|path| Contents::read(path))
             .collect::<Result<Vec<_>, _>>()?;
         files::are_of_one_recording(path, &files)?;
-        let mut channels: Vec<Arc<Channel>> = Vec::new();
+        let (mut channels, mut migrations) = (Vec::<Arc<Channel>>::new(), Vec::new());
         let mut known: BTreeMap<Channel, usize> = BTreeMap::new();
         let mut numbers = Vec::with_capacity(files.len());
         for file in &files {
@@ -86,7 +89,9 @@ impl Bag {
             for (id, raw) in &file.channels {
                 let channel = Channel::from_mcap(raw);
                 let number = *known.entry(channel).or_insert_with_key(|channel| {
-                    channels.push(Arc::new(channel.clone()));
+                    let mut channel = channel.clone();
+                    migrations.push(channel.migrated());
+                    channels.push(Arc::new(channel));
                     channels.len() - 1
                 });
                 of_file.insert(*id, number);
@@ -97,6 +102,7 @@ impl Bag {
             path: path.to_owned(),
             files,
             channels,
+            migrations,
             numbers,
             missing,
         })
@@ -120,6 +126,13 @@ impl Bag {
     /// Channels in order of first appearance. A topic has several if several publishers or types were recorded.
     pub fn channels(&self) -> &[Arc<Channel>] {
         &self.channels
+    }
+
+    /// Topics whose messages were recorded in another version of their type, and what differs, a field each. They are given in
+    /// that of this version: by the names of the fields, with what is new unset.
+    pub fn migrated(&self) -> impl Iterator<Item = (&Channel, &[String])> {
+        let pairs = self.channels.iter().zip(&self.migrations);
+        pairs.filter_map(|(channel, migration)| Some((&**channel, migration.as_ref()?.changes())))
     }
 
     /// Channels of one topic.

@@ -37,6 +37,7 @@ mod bounded;
 mod cdr;
 mod code;
 mod convert;
+pub mod definition;
 mod describe;
 mod feature_result;
 #[allow(
@@ -45,6 +46,7 @@ mod feature_result;
 )]
 mod generated;
 pub mod geometrical;
+pub mod migration;
 pub mod offset;
 mod plan_id;
 mod schema;

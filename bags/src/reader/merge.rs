@@ -174,14 +174,22 @@ impl<'a> Messages<'a> {
             None => drop(self.open.remove(&(file, offset))),
         }
         let number = *self.bag.numbers[file].get(&location.channel)?;
-        let message = Recorded {
+        let mut message = Recorded {
             channel: self.bag.channels[number].clone(),
             sequence: location.sequence,
             log_time: location.log_time,
             publish_time: location.publish_time,
             payload,
         };
-        (!self.repeats.is_repeat(file, number, &message)).then_some(message)
+        if self.repeats.is_repeat(file, number, &message) {
+            return None;
+        }
+        if let Some(migration) = &self.bag.migrations[number]
+            && let Ok(migrated) = migration.migrate(&message.payload)
+        {
+            message.payload = migrated.into();
+        }
+        Some(message)
     }
 }
 

@@ -4,6 +4,7 @@
 //! - `contract_bags`: recordings of other programs are read whole, and every message of a known type decodes
 //! - `crash`: whatever a power failure leaves of a recording, what was stated durable is there
 //! - `damage`: cut-off and damaged files give every whole chunk; nothing panics
+//! - `earlier`: a recording of an earlier version is read by the names of its fields
 //! - `folders`: folders that are no recording of MCAP splits are named, with what makes them readable
 //! - `gaps`: what a recording lacks is named by topic and number
 //! - `kill`: a recorder that is killed loses nothing that it stated to be durable
@@ -20,6 +21,7 @@ mod conformance;
 mod contract_bags;
 mod crash;
 mod damage;
+mod earlier;
 mod folders;
 mod gaps;
 mod kill;

@@ -16,6 +16,16 @@ pub const KEY_FILE: &str = "cell.pub";
 /// Name of the table of what made a recording: version and source revision of the program.
 pub const PROVENANCE: &str = "probecell";
 
+/// Version and source revision of the program that made a recording; empty where it does not say.
+pub fn program(bag: &Bag) -> (String, String) {
+    let of = |key: &str| {
+        let tables = bag.metadata().filter(|(name, _)| *name == PROVENANCE);
+        let values = tables.filter_map(|(_, table)| table.get(key));
+        values.last().cloned().unwrap_or_default()
+    };
+    (of("version"), of("source_revision"))
+}
+
 /// Prefix of the first line of a description: a comment in TOML.
 const KEY_LINE: &str = "# public key of the cell: ";
 

@@ -11,7 +11,7 @@ use probecell_msgs::{
 };
 use report::{Page, PartSession, ShortDiagnosis, part_page};
 
-use crate::embedded::PROVENANCE;
+use crate::embedded;
 use crate::measured;
 use crate::sizes::by_reference;
 use crate::unrecorded::before_the_first;
@@ -116,11 +116,7 @@ pub fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
     faults.sort_by_key(|fault| fault.header.stamp.nanos());
     let mut loss_reports: Vec<LossReport> = reader.all(topics::LOSS_REPORTS)?;
     loss_reports.sort_by_key(|loss| loss.header.stamp.nanos());
-    let provenance = |key: &str| {
-        let tables = bag.metadata().filter(|(name, _)| *name == PROVENANCE);
-        let values = tables.filter_map(|(_, table)| table.get(key));
-        values.last().cloned().unwrap_or_default()
-    };
+    let (version, revision) = embedded::program(bag);
     let losses = bag.losses();
     let losses = losses
         .iter()
@@ -139,8 +135,8 @@ pub fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
             .file_name()
             .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
         cell: namespace.trim_start_matches('/').to_owned(),
-        version: provenance("version"),
-        revision: provenance("source_revision"),
+        version,
+        revision,
         plans,
         results: reader.all(topics::FEATURE_RESULTS)?,
         references,

@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::columns::{Column, instants};
-use crate::definition::parse;
+use probecell_msgs::definition::parse;
 use crate::errors::{damage, input};
 use crate::record::PartRecord;
 use crate::session::Session;

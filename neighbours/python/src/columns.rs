@@ -15,7 +15,7 @@ use byteorder::{BigEndian, ByteOrder, LittleEndian};
 use cdr_encoding::CdrDeserializer;
 use serde::de::{Deserialize, DeserializeSeed, Deserializer, Error, SeqAccess, Visitor};
 
-use crate::definition::Type;
+use probecell_msgs::definition::Type;
 
 const SECOND: i64 = 1_000_000_000;
 

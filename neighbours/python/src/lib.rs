@@ -17,7 +17,6 @@
 
 mod bag;
 mod columns;
-mod definition;
 mod diagnosed;
 mod errors;
 mod fit;

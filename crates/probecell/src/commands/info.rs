@@ -7,7 +7,7 @@ use bags::{Bag, Gap, Info, Sealed, verify_seals};
 use serde::Serialize;
 use signatures::PublicKey;
 
-use session_io::embedded::KEY_FILE;
+use session_io::embedded::{self, KEY_FILE};
 
 use super::record::sealing;
 use crate::{FAILED, GOOD, LOSS, output};
@@ -106,7 +106,15 @@ pub(crate) fn run(
         }
         output::json(&value)?;
     } else {
-        output::line(&format!("{}  ({})", info.path.display(), info.library));
+        let revision = match embedded::program(&bag).1 {
+            revision if revision.is_empty() => revision,
+            revision => format!(", source {revision}"),
+        };
+        output::line(&format!(
+            "{}  ({}{revision})",
+            info.path.display(),
+            info.library
+        ));
         let seconds = info.duration_ns as f64 * 1e-9;
         output::line(&format!(
             "{} messages in {seconds:.1} s, {} file(s)",
@@ -123,6 +131,13 @@ pub(crate) fn run(
             output::line(&format!(
                 "{:>9}  {}  [{}]{lost}",
                 topic.messages, topic.topic, topic.type_name
+            ));
+        }
+        for (channel, changes) in bag.migrated() {
+            output::line(&format!(
+                "version   fields of {}: {}",
+                channel.topic,
+                changes.join(", ")
             ));
         }
         for attachment in &info.attachments {

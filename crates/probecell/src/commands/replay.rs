@@ -1,6 +1,10 @@
 //! `probecell replay`: every node of a recording computed again, and compared.
 
-use std::{path::Path, time::Instant};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+    time::Instant,
+};
 
 use anyhow::{Context, bail};
 use bags::Bag;
@@ -16,6 +20,10 @@ use serde_json::json;
 use crate::{FAILED, GOOD, LOSS, output};
 use session_io::embedded;
 
+/// Fields of the first difference that are shown, and characters of a value.
+const SHOWN: usize = 12;
+const LONGEST: usize = 40;
+
 /// Replays the bag. A bag without step journals is computed from its plan and touches alone.
 pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
     let bag = Bag::open(path)?;
@@ -26,6 +34,12 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
         output::remark(
             "the recording holds no key of its cell: approvals cannot be verified, and the replay refuses what they entitled",
         );
+    }
+    let program = of_another_program(&bag);
+    if !json {
+        for line in &program {
+            output::line(line);
+        }
     }
     let begun = Instant::now();
     let recording = read(&bag, &cell)?;
@@ -41,7 +55,9 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
     let seconds = begun.elapsed().as_secs_f64();
     if json {
         let damage = bag.damage();
-        output::json(&json!({ "replay": result, "seconds": seconds, "damage": damage }))?;
+        output::json(&json!({
+            "replay": result, "seconds": seconds, "damage": damage, "program": program
+        }))?;
     } else {
         print(&result, seconds)?;
         for damage in bag.damage() {
@@ -53,6 +69,26 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
         Verdict::Different => FAILED,
         Verdict::Incomplete => LOSS,
     })
+}
+
+/// What a recording of another version of the program differs in before anything is compared: the version, and each topic whose
+/// messages have other fields.
+fn of_another_program(bag: &Bag) -> Vec<String> {
+    let (version, revision) = embedded::program(bag);
+    let (own_version, own) = (env!("CARGO_PKG_VERSION"), env!("PROBECELL_REVISION"));
+    let mut lines = Vec::new();
+    if !revision.is_empty() && (version.as_str(), revision.as_str()) != (own_version, own) {
+        lines.push(format!(
+            "recorded by probecell {version} ({revision}), computed again by {own_version} ({own}): outputs differ where the program does"
+        ));
+    }
+    let changed = bag.migrated();
+    lines.extend(
+        changed.map(|(channel, changes)| {
+            format!("fields of {}: {}", channel.topic, changes.join(", "))
+        }),
+    );
+    lines
 }
 
 fn factory(cell: &Cell, name: &'static str) -> Factory {
@@ -152,25 +188,44 @@ fn print_difference(difference: &Difference) -> anyhow::Result<()> {
         "first difference: message {} on {}",
         difference.sequence, difference.topic
     ));
-    let recorded = topic.message.describe(&difference.recorded)?.leaves();
-    let recomputed = topic.message.describe(&difference.recomputed)?.leaves();
-    let mut lines = 0;
-    for index in 0..recorded.len().max(recomputed.len()) {
-        let show = |leaf: Option<&(String, String)>| {
-            leaf.map_or_else(
-                || "-".to_owned(),
-                |(path, value)| format!("{path} = {value}"),
-            )
+    let fields = |cdr: &[u8]| -> anyhow::Result<BTreeMap<String, String>> {
+        Ok(topic.message.describe(cdr)?.leaves().into_iter().collect())
+    };
+    let (recorded, recomputed) = (
+        fields(&difference.recorded)?,
+        fields(&difference.recomputed)?,
+    );
+    let paths: BTreeSet<&String> = recorded.keys().chain(recomputed.keys()).collect();
+    let differing = paths
+        .into_iter()
+        .filter(|path| recorded.get(*path) != recomputed.get(*path));
+    let differing: Vec<&String> = differing.collect();
+    for path in differing.iter().take(SHOWN) {
+        let show = |fields: &BTreeMap<String, String>| {
+            fields
+                .get(*path)
+                .map_or_else(|| "-".to_owned(), |value| shortened(value))
         };
-        let (was, is) = (recorded.get(index), recomputed.get(index));
-        if was != is && lines < 12 {
-            output::line(&format!(
-                "  recorded {}    recomputed {}",
-                show(was),
-                show(is)
-            ));
-            lines += 1;
-        }
+        output::line(&format!(
+            "  {path}: recorded {}, computed {}",
+            show(&recorded),
+            show(&recomputed)
+        ));
+    }
+    if differing.len() > SHOWN {
+        output::line(&format!("  and {} further fields", differing.len() - SHOWN));
     }
     Ok(())
+}
+
+/// A value in one line of a terminal.
+fn shortened(value: &str) -> String {
+    match value.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!(
+            "{}... ({} characters)",
+            &value[..end],
+            value.chars().count()
+        ),
+        None => value.to_owned(),
+    }
 }

@@ -5,25 +5,46 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::{Context, bail, ensure};
+use thiserror::Error;
 
 /// Depth beyond which a type contains itself.
 const DEEPEST: usize = 32;
 
+/// Why a text is no definition of a message type.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{0}")]
+pub struct DefinitionError(String);
+
+fn refused<T>(text: String) -> Result<T, DefinitionError> {
+    Err(DefinitionError(text))
+}
+
 /// A type of a field.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Type {
+pub enum Type {
+    /// `bool`
     Bool,
+    /// `int8`
     I8,
+    /// `uint8`, `byte`, `char`
     U8,
+    /// `int16`
     I16,
+    /// `uint16`
     U16,
+    /// `int32`
     I32,
+    /// `uint32`
     U32,
+    /// `int64`
     I64,
+    /// `uint64`
     U64,
+    /// `float32`
     F32,
+    /// `float64`
     F64,
+    /// `string`
     Text,
     /// `builtin_interfaces/Time`: seconds (i32) and nanoseconds (u32) since 1970.
     Time,
@@ -41,7 +62,7 @@ pub(crate) enum Type {
 ///
 /// # Errors
 /// A line that is no field, a type that is not defined, or one that contains itself.
-pub(crate) fn parse(name: &str, definition: &str) -> anyhow::Result<Type> {
+pub fn parse(name: &str, definition: &str) -> Result<Type, DefinitionError> {
     let mut texts: BTreeMap<String, String> = BTreeMap::new();
     let mut current = short(name);
     let mut text = String::new();
@@ -69,18 +90,26 @@ fn short(name: &str) -> String {
     }
 }
 
-fn record(name: &str, texts: &BTreeMap<String, String>, depth: usize) -> anyhow::Result<Type> {
-    ensure!(depth < DEEPEST, "the type {name} contains itself");
-    let text = texts
-        .get(name)
-        .with_context(|| format!("the type {name} is not defined"))?;
+fn record(
+    name: &str,
+    texts: &BTreeMap<String, String>,
+    depth: usize,
+) -> Result<Type, DefinitionError> {
+    if depth >= DEEPEST {
+        return refused(format!("the type {name} contains itself"));
+    }
+    let Some(text) = texts.get(name) else {
+        return refused(format!("the type {name} is not defined"));
+    };
     let mut fields = Vec::new();
     for line in text.lines() {
         let line = line.split('#').next().unwrap_or_default().trim();
         let mut words = line.split_whitespace();
         let (Some(kind), Some(field)) = (words.next(), words.next()) else {
-            ensure!(line.is_empty(), "{line:?} in {name} is no field");
-            continue;
+            if line.is_empty() {
+                continue;
+            }
+            return refused(format!("{line:?} in {name} is no field"));
         };
         let constant =
             field.contains('=') || words.next().is_some_and(|word| word.starts_with('='));
@@ -101,7 +130,7 @@ fn of(
     within: &str,
     texts: &BTreeMap<String, String>,
     depth: usize,
-) -> anyhow::Result<Type> {
+) -> Result<Type, DefinitionError> {
     let Some((element, length)) = written
         .strip_suffix(']')
         .and_then(|one| one.split_once('['))
@@ -112,12 +141,10 @@ fn of(
     if length.is_empty() || length.starts_with("<=") {
         return Ok(Type::List(element));
     }
-    let length: usize = length
-        .parse()
-        .ok()
-        .filter(|&length| length > 0)
-        .with_context(|| format!("{written:?} in {within} is no array"))?;
-    Ok(Type::Array(element, length))
+    match length.parse::<usize>() {
+        Ok(length) if length > 0 => Ok(Type::Array(element, length)),
+        _ => refused(format!("{written:?} in {within} is no array")),
+    }
 }
 
 fn single(
@@ -125,7 +152,7 @@ fn single(
     within: &str,
     texts: &BTreeMap<String, String>,
     depth: usize,
-) -> anyhow::Result<Type> {
+) -> Result<Type, DefinitionError> {
     let bounded = written.split("<=").next().unwrap_or_default();
     Ok(match bounded {
         "bool" => Type::Bool,
@@ -140,7 +167,7 @@ fn single(
         "float32" => Type::F32,
         "float64" => Type::F64,
         "string" => Type::Text,
-        "wstring" => bail!("{within} has a wstring, which is not read"),
+        "wstring" => return refused(format!("{within} has a wstring, which is not read")),
         _ => {
             let package = within.split('/').next().unwrap_or_default();
             let name = if written.contains('/') {
