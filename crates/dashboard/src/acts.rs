@@ -13,6 +13,7 @@ mod offer;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Deref;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -43,6 +44,8 @@ pub struct ActionEndpoint {
     pub cell: String,
     /// Its public key.
     pub key: PublicKey,
+    /// Where it answers its own user past the bus ([`host::private`]).
+    pub private: Option<PathBuf>,
     /// How its services are reached now; the error is a sentence. May block for a moment.
     pub bus: Way,
 }

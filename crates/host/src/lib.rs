@@ -57,6 +57,7 @@ pub mod bus;
 pub mod clock;
 pub mod driver;
 pub mod parameters;
+pub mod private;
 pub mod process;
 pub mod recording;
 mod robot;

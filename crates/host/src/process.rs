@@ -16,6 +16,7 @@ use graph::{
     topics,
 };
 use probecell_msgs::to_cdr;
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use tracing::{error, warn};
 
 use crate::{
@@ -23,6 +24,9 @@ use crate::{
     clock::now,
     topology::{bus_qos, wait_for_subscriptions},
 };
+
+/// Most descriptors of a process.
+const DESCRIPTORS: u64 = 65_536;
 
 /// Steps after which a batch of the journal goes out.
 const JOURNAL_STEPS: usize = 256;
@@ -362,6 +366,23 @@ impl Process {
     /// Ends the subscriptions before the bus is closed.
     fn leave(&mut self) {
         self.subscriptions.clear();
+    }
+}
+
+/// Descriptors that this process and those it starts may open: so many as the system allows, at most [`DESCRIPTORS`]. A router holds
+/// one for each connection, of strangers too.
+pub fn raise_limits() {
+    let limit = getrlimit(Resource::Nofile);
+    let most = limit
+        .maximum
+        .map_or(DESCRIPTORS, |most| most.min(DESCRIPTORS));
+    if limit.current.is_some_and(|current| current < most) {
+        let raised = Rlimit {
+            current: Some(most),
+            ..limit
+        };
+        // A system that refuses leaves the process with what it has.
+        let _refused = setrlimit(Resource::Nofile, raised);
     }
 }
 

@@ -1,6 +1,7 @@
 //! A client of a running cell's services.
 
 use std::{
+    cell::OnceCell,
     collections::BTreeSet,
     ops::ControlFlow,
     path::Path,
@@ -23,8 +24,9 @@ use probecell_msgs::{
 use crate::{
     FAILED, GOOD,
     cell_bus::{CellFailure, visitor_config},
+    operator::private::{LAST_PART, PROPOSALS},
     output,
-    own_socket::COMMAND_PATIENCE,
+    own_socket::{COMMAND_PATIENCE, OwnSocket},
     ros_arguments::read_cell,
     routing::refuse_unheard,
 };
@@ -57,22 +59,57 @@ impl<M> Followed<M> {
     }
 }
 
-/// A client of the cell that a cell file describes.
+/// A client of the cell that a cell file describes: by its private socket, where the cell answers there, else by the bus, which is
+/// joined when it is needed.
 pub(crate) struct CellClient {
     cell: Cell,
-    bus: Bus,
+    calls: Option<OwnSocket>,
+    bus: OnceCell<Bus>,
 }
 
 impl CellClient {
     /// Connects.
     pub(crate) fn connect(file: &Path) -> anyhow::Result<Self> {
         let cell = read_cell(file)?;
+        Ok(Self {
+            calls: OwnSocket::of_calls(&cell),
+            cell,
+            bus: OnceCell::new(),
+        })
+    }
+
+    fn bus(&self) -> anyhow::Result<&Bus> {
+        if let Some(bus) = self.bus.get() {
+            return Ok(bus);
+        }
         let config = BusConfig {
             connect_timeout: COMMAND_PATIENCE,
-            ..visitor_config(&cell, "operator_call")?
+            ..visitor_config(&self.cell, "operator_call")?
         };
-        let bus = Bus::open(&config, "operator_call", &cell.namespace())?;
-        Ok(Self { cell, bus })
+        let bus = Bus::open(&config, "operator_call", &self.cell.namespace())?;
+        Ok(self.bus.get_or_init(|| bus))
+    }
+
+    /// Calls a service of the private socket.
+    fn privately(&self, name: &str, request: &[u8]) -> Option<Vec<u8>> {
+        host::private::call(self.calls.as_ref()?.path(), name, request, REPLY_TIMEOUT)
+    }
+
+    /// A list of messages by the private socket.
+    fn listed<M: Message>(&self, name: &str) -> anyhow::Result<Option<Vec<M>>> {
+        let Some(answer) = self.privately(name, &[]) else {
+            return Ok(None);
+        };
+        let (mut rest, mut messages) = (answer.as_slice(), Vec::new());
+        while let Some((length, behind)) = rest.split_first_chunk::<4>() {
+            let length = u32::from_le_bytes(*length) as usize;
+            let (cdr, behind) = behind
+                .split_at_checked(length)
+                .with_context(|| format!("the answer of {name} ends early"))?;
+            messages.push(from_cdr(cdr)?);
+            rest = behind;
+        }
+        Ok(Some(messages))
     }
 
     /// Calls a service once.
@@ -81,20 +118,23 @@ impl CellClient {
         name: &str,
         request: &S::Request,
     ) -> anyhow::Result<S::Response> {
+        let unreadable = "the reply cannot be decoded as the response type of the service";
+        if let Some(answer) = self.privately(name, &to_cdr(request)) {
+            return from_cdr(&answer).context(unreadable);
+        }
         let topic = self.cell.topic(name);
-        let called = (self.bus).call(&topic, S::TYPE, &to_cdr(request), REPLY_TIMEOUT);
+        let called = (self.bus()?).call(&topic, S::TYPE, &to_cdr(request), REPLY_TIMEOUT);
         // Nobody answers a stranger; then that is the reason to name.
         let response = called.map_err(|error| match refuse_unheard(&self.cell) {
             Err(reason) => CellFailure(reason.to_string()).into(),
             Ok(()) => anyhow::Error::from(error),
         })?;
-        from_cdr(&response)
-            .context("the reply cannot be decoded as the response type of the service")
+        from_cdr(&response).context(unreadable)
     }
 
     /// Has the cell plan.
     pub(crate) fn plan(&self, request: &srv::PlanRequest) -> anyhow::Result<srv::PlanResponse> {
-        request_plan(&self.bus, &self.cell.namespace(), request)
+        request_plan(self.bus()?, &self.cell.namespace(), request)
     }
 
     /// The plan that the cell published last.
@@ -113,7 +153,10 @@ impl CellClient {
         let wanted = |one: &Correction| {
             one.correction_id == correction_id && one.approval == Correction::APPROVAL_NONE
         };
-        let proposed = self.first(topics::CORRECTIONS, wanted)?;
+        let proposed = match self.listed(PROPOSALS)? {
+            Some(known) => known.into_iter().find(wanted),
+            None => self.first(topics::CORRECTIONS, wanted)?,
+        };
         proposed.ok_or_else(|| {
             let text = format!("the cell proposes no correction {correction_id:?}");
             CellFailure(text).into()
@@ -122,6 +165,10 @@ impl CellClient {
 
     /// Corrections of a measurement that wait for an operator, of those that the cell keeps for late joiners.
     pub(crate) fn waiting(&self, plan_id: &str) -> anyhow::Result<BTreeSet<String>> {
+        if let Some(known) = self.listed::<Correction>(PROPOSALS)? {
+            let own = known.into_iter().filter(|one| one.plan_id == plan_id);
+            return Ok(own.map(|one| one.correction_id).collect());
+        }
         let mut waiting = BTreeSet::new();
         let take = |correction: Correction| {
             if correction.plan_id == plan_id {
@@ -139,6 +186,9 @@ impl CellClient {
 
     /// The report of the last part, which the cell keeps for late joiners.
     pub(crate) fn last_part(&self) -> anyhow::Result<Option<PartReport>> {
+        if let Some(known) = self.listed(LAST_PART)? {
+            return Ok(known.into_iter().next());
+        }
         let mut last = None;
         let take = |report: PartReport| {
             last = Some(report);
@@ -194,7 +244,7 @@ impl CellClient {
             // The receiver may be satisfied already.
             drop(sender.send(from_cdr::<M>(&received.payload)));
         };
-        let subscription = self.bus.subscribe(
+        let subscription = self.bus()?.subscribe(
             &self.cell.topic(topic.name),
             topic.message,
             bus_qos(topic.qos),
@@ -215,7 +265,9 @@ impl CellClient {
 
     /// Disconnects.
     pub(crate) fn close(self) -> anyhow::Result<()> {
-        self.bus.close(Duration::from_secs(2))?;
+        if let Some(bus) = self.bus.into_inner() {
+            bus.close(Duration::from_secs(2))?;
+        }
         Ok(())
     }
 }

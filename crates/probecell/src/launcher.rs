@@ -16,7 +16,7 @@ use std::{
 
 use bags::Measurement;
 use cell::{Cell, Strangers, TransportName, keys::KeyFolder};
-use host::{bus::Bus, clock::WallClock};
+use host::{bus::Bus, clock::WallClock, private::PrivateServices};
 
 use self::processes::{END_TIMEOUT, PERIOD, Processes};
 use crate::{
@@ -26,6 +26,7 @@ use crate::{
     headline,
     operator::Operator,
     output,
+    own_socket::OwnSocket,
     ros_arguments::{self, read_cell},
     routing::Routing,
     running, signals,
@@ -69,6 +70,8 @@ pub(crate) fn up(file: &Path, wanted: Wanted) -> anyhow::Result<u8> {
     // Made before any process asks for them.
     KeyFolder::of(&cell)?.private()?;
     let _noted = running::note(&cell.cell.name, file);
+    // Made before the folder is closed to this process.
+    let private = private_services(&cell);
     // Before this process has another thread: what begins later has no more rights.
     let confined = Routing::confine(&cell, recorded)?;
     let end = signals::end_flag()?;
@@ -115,7 +118,7 @@ pub(crate) fn up(file: &Path, wanted: Wanted) -> anyhow::Result<u8> {
     for name in cell.node_names().into_iter().chain(beside) {
         processes.start(name)?;
     }
-    let mut operator = Operator::join(bus, &cell, verbose)?;
+    let mut operator = Operator::join(bus, &cell, verbose, private)?;
     if !recorded {
         operator.waive_recording(&cell.namespace())?;
     }
@@ -168,6 +171,18 @@ fn gap(recording: &Path) -> String {
         |error| format!("gap not known: {error}"),
         |report| headline::of(&report),
     )
+}
+
+/// Where the cell answers its own user whatever strangers do to the bus. Without it commands come by the bus alone.
+fn private_services(cell: &Cell) -> Option<PrivateServices> {
+    let socket = OwnSocket::of_calls(cell)?;
+    let listening = socket
+        .prepare()
+        .and_then(|()| Ok(PrivateServices::listen(socket.path())?));
+    // One that answers is that of a cell of this name, which the bus will refuse.
+    listening
+        .inspect_err(|error| tracing::debug!(%error, "no private services"))
+        .ok()
 }
 
 /// A cell of this name that runs on the bus already would share every topic with this one.

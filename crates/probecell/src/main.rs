@@ -128,6 +128,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         );
     }
     host::clock::check()?;
+    host::process::raise_limits();
     match command {
         Command::Up {
             cell,

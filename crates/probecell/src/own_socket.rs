@@ -20,7 +20,7 @@ use std::{
 };
 
 use anyhow::{Context, bail};
-use cell::strangers::SOCKET;
+use cell::{Cell, strangers::SOCKET};
 use rustix::process::geteuid;
 use serde::{Deserialize, Serialize};
 
@@ -49,15 +49,28 @@ struct Opened {
 impl OwnSocket {
     /// That of a router; none where this user has no folder for it.
     pub(crate) fn of(endpoint: &str) -> Option<Self> {
+        Self::named(&[endpoint.as_bytes()], "socket")
+    }
+
+    /// Where a cell that uses a router answers its own user past the bus ([`host::private`]).
+    pub(crate) fn of_calls(cell: &Cell) -> Option<Self> {
+        let (endpoint, name) = (&cell.bus.router_endpoint, cell.namespace());
+        let domain = cell.bus.domain_id.unwrap_or_default().to_le_bytes();
+        Self::named(&[endpoint.as_bytes(), name.as_bytes(), &domain], "calls")
+    }
+
+    fn named(identity: &[&[u8]], kind: &str) -> Option<Self> {
         let here = fs::read_link("/proc/self/ns/net").unwrap_or_default();
         let host = fs::read("/proc/sys/kernel/hostname").unwrap_or_default();
-        let identity = [
-            host.as_slice(),
-            here.as_os_str().as_bytes(),
-            endpoint.as_bytes(),
-        ];
-        let name = format!("{:016x}.socket", fnv1a(&identity.join(&b'\n')));
-        Some(Self(folder()?.join(name)))
+        let place = [host.as_slice(), here.as_os_str().as_bytes()];
+        let identity = [&place, identity].concat().join(&b'\n');
+        Some(Self(
+            folder()?.join(format!("{:016x}.{kind}", fnv1a(&identity))),
+        ))
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.0
     }
 
     /// Locator of Zenoh.

@@ -1,10 +1,12 @@
 //! The services of a cell, as an operator's commands call them: a session for each act, gone when it is answered.
 
+use std::cell::OnceCell;
 use std::time::{Duration, Instant};
 
 use host::bus::{Bus, BusError};
+use host::private;
 use probecell_msgs::builtin_interfaces::Time;
-use probecell_msgs::{Service, from_cdr, srv, to_cdr};
+use probecell_msgs::{Service, ServiceType, from_cdr, srv, to_cdr};
 
 use super::{ActionEndpoint, Answer, Deed, Signed};
 
@@ -110,9 +112,10 @@ fn answer(accepted: bool, text: String, otherwise: &str) -> Answer {
     Answer { accepted, text }
 }
 
+/// The services of a cell: by its private socket, where it answers there, else by the bus, which is joined when it is needed.
 struct Services<'a> {
-    bus: &'a Bus,
-    cell: &'a str,
+    desk: &'a ActionEndpoint,
+    bus: OnceCell<Bus>,
 }
 
 impl Services<'_> {
@@ -122,12 +125,33 @@ impl Services<'_> {
         request: &S::Request,
         timeout: Duration,
     ) -> Result<S::Response, String> {
-        let name = format!("/{}/{name}", self.cell);
-        let reply = self
-            .bus
-            .call_with_timeouts(&name, S::TYPE, &to_cdr(request), REPLY, timeout);
-        let reply = reply.map_err(|error: BusError| error.to_string())?;
+        let request = to_cdr(request);
+        let private = self.desk.private.as_deref();
+        let answered = private.and_then(|path| private::call(path, name, &request, timeout));
+        let reply = match answered {
+            Some(reply) => reply,
+            None => self.by_bus(name, S::TYPE, &request, timeout)?,
+        };
         from_cdr(&reply).map_err(|error| format!("the reply of {name} cannot be read: {error}"))
+    }
+
+    fn by_bus(
+        &self,
+        name: &str,
+        kind: &'static ServiceType,
+        request: &[u8],
+        timeout: Duration,
+    ) -> Result<Vec<u8>, String> {
+        let namespace = format!("/{}", self.desk.cell);
+        if self.bus.get().is_none() {
+            let bus = Bus::open(&(self.desk.bus)()?, NODE, &namespace);
+            // No other call of this act can have opened one.
+            drop(self.bus.set(bus.map_err(|error| error.to_string())?));
+        }
+        let bus = self.bus.get().ok_or("the cell cannot be reached")?;
+        let name = format!("{namespace}/{name}");
+        let reply = bus.call_with_timeouts(&name, kind, request, REPLY, timeout);
+        reply.map_err(|error: BusError| error.to_string())
     }
 }
 
@@ -135,13 +159,12 @@ fn with<T>(
     desk: &ActionEndpoint,
     work: impl FnOnce(&Services<'_>) -> Result<T, String>,
 ) -> Result<T, String> {
-    let namespace = format!("/{}", desk.cell);
-    let bus = Bus::open(&(desk.bus)()?, NODE, &namespace).map_err(|error| error.to_string())?;
-    let result = work(&Services {
-        bus: &bus,
-        cell: &desk.cell,
-    });
-    if let Err(error) = bus.close(END) {
+    let services = Services {
+        desk,
+        bus: OnceCell::new(),
+    };
+    let result = work(&services);
+    if let Some(Err(error)) = services.bus.into_inner().map(|bus| bus.close(END)) {
         tracing::debug!(%error, "the session of an act did not end by itself");
     }
     result

@@ -126,6 +126,14 @@ const LEASE_OF_ROUTER: Duration = Duration::from_secs(20);
 /// Longest silence of a link that is idle.
 const KEEP_ALIVE: Duration = Duration::from_millis(2500);
 
+/// Connections to a router that have not said who they are, in which time they have to, and sessions: as many as a process may
+/// have descriptors ([`crate::process::raise_limits`]).
+const PENDING: usize = 16_384;
+const ACCEPTED_IN: Duration = Duration::from_secs(3);
+const SESSIONS: usize = 16_384;
+/// Longest message that a router takes, bytes: a plan of 3,000 touches has one.
+const LONGEST_MESSAGE: usize = 64 << 20;
+
 /// Between two attempts to reach a router that is gone: at first, and at most.
 const RETRY: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(1)];
 
@@ -261,6 +269,7 @@ impl RouterConfig {
             "timestamping": { "enabled": true },
             "transport": link(LEASE_OF_ROUTER),
         });
+        overlay(&mut settings, &strangers());
         overlay(&mut settings, &self.zenoh);
         parse(&settings)
     }
@@ -278,6 +287,20 @@ fn link(lease: Duration) -> Value {
             "congestion_control": { "drop": { "wait_before_drop": WAIT_BEFORE_DROP.as_micros() as u64 } },
         },
     } } })
+}
+
+/// What strangers may take of a router: connections that have not said who they are yet, for how long each, sessions, and bytes of
+/// a message. Zenoh (1.10) lets 100 connections that say nothing for ten seconds keep everybody else out, and takes messages of a
+/// gigabyte.
+fn strangers() -> Value {
+    json!({ "transport": {
+        "unicast": {
+            "accept_pending": PENDING,
+            "accept_timeout": ACCEPTED_IN.as_millis() as u64,
+            "max_sessions": SESSIONS,
+        },
+        "link": { "rx": { "max_message_size": LONGEST_MESSAGE } },
+    } })
 }
 
 /// The locator's address is one of this machine only.

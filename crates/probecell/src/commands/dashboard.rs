@@ -15,6 +15,7 @@ use crate::{
     GOOD,
     cell_bus::{bus_config, visitor_config},
     confined, output,
+    own_socket::OwnSocket,
     ros_arguments::read_cell,
     signals,
 };
@@ -167,6 +168,7 @@ fn desks(cells: &[Cell]) -> anyhow::Result<Vec<ActionEndpoint>> {
         desks.push(ActionEndpoint {
             cell: name.clone(),
             key: folder.public()?,
+            private: OwnSocket::of_calls(cell).map(|socket| socket.path().to_owned()),
             // Whether the router has a private socket is seen when it runs.
             bus: Box::new({
                 let cell = cell.clone();

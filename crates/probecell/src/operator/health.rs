@@ -1,7 +1,7 @@
 //! What a person on watch must know of the cell, besides whether its processes run: entries of `/diagnostics`.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeMap,
     time::{Duration, Instant},
 };
 
@@ -26,7 +26,7 @@ pub(super) struct Health {
     states: u64,
     counted: Option<Instant>,
     /// Corrections that wait for an operator.
-    waiting: BTreeSet<String>,
+    pub(super) waiting: BTreeMap<String, Correction>,
     /// Messages lost for good, by topic.
     lost: BTreeMap<String, u64>,
     recovered: u64,
@@ -43,7 +43,7 @@ impl Health {
     /// Takes a correction at one of its stages.
     pub(super) fn correction(&mut self, correction: &Correction) {
         if correction.approval == Correction::APPROVAL_NONE {
-            self.waiting.insert(correction.correction_id.clone());
+            (self.waiting).insert(correction.correction_id.clone(), correction.clone());
         } else {
             self.waiting.remove(&correction.correction_id);
         }
@@ -162,7 +162,7 @@ impl Health {
             1 => (DiagnosticStatus::WARN, "one waits for approval".to_owned()),
             more => (DiagnosticStatus::WARN, format!("{more} wait for approval")),
         };
-        let waiting = self.waiting.iter().take(NAMED);
+        let waiting = self.waiting.keys().take(NAMED);
         let values = waiting.map(|id| value("correction_id", id)).collect();
         (level, text, values)
     }

@@ -17,6 +17,7 @@ mod diagnostics;
 mod health;
 mod keys;
 mod plan_action;
+pub(crate) mod private;
 mod run_action;
 mod services;
 mod state;
@@ -33,6 +34,7 @@ use graph::{Topic, topics};
 use host::{
     bus::{Bus, Graph, Publisher, Received, Server, Subscription, TypeId},
     bus_qos,
+    private::{PrivateServices, Removed},
 };
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, GapReport, LossReport, MachineState, Message,
@@ -45,7 +47,7 @@ use self::{
     console::{print_acknowledgement, print_correction, print_fault, print_part},
     diagnostics::Diagnostics,
     keys::Keys,
-    services::{RequestPublishers, serve},
+    services::RequestPublishers,
     state::{OperatorState, PartNews, lock},
 };
 pub(crate) use self::{console::described, diagnostics::ProcessState};
@@ -73,11 +75,18 @@ pub(crate) struct Operator {
     _description: Publisher,
     subscriptions: Vec<Subscription>,
     servers: Vec<Server>,
+    private: Option<Removed>,
 }
 
 impl Operator {
-    /// Joins the cell: subscribes to its topics and offers its services. `verbose`: prints all that the verdicts say.
-    pub(crate) fn join(bus: Bus, cell: &Cell, verbose: bool) -> anyhow::Result<Self> {
+    /// Joins the cell: subscribes to its topics and offers its services, also by the private socket. `verbose`: prints all that the
+    /// verdicts say.
+    pub(crate) fn join(
+        bus: Bus,
+        cell: &Cell,
+        verbose: bool,
+        private: Option<PrivateServices>,
+    ) -> anyhow::Result<Self> {
         let namespace = cell.namespace();
         let state = Arc::new(Mutex::new(OperatorState::new(cell, verbose)));
         let requests = Arc::new(RequestPublishers::new(&bus, cell, &state)?);
@@ -85,6 +94,7 @@ impl Operator {
             diagnostics: Diagnostics::new(&bus, cell)?,
             keys: Keys::new(&bus, cell)?,
             servers: Vec::new(),
+            private: None,
             waiver: None,
             _description: describe(&bus, cell)?,
             bus,
@@ -96,7 +106,12 @@ impl Operator {
         operator.subscribe_to_all(&cell.text().name)?;
         let relayed = transforms::relay(&operator.bus, cell)?;
         operator.subscriptions.extend(relayed);
-        operator.servers = serve(&operator.bus, &operator.namespace, &operator.requests)?;
+        let services = services::all(&operator.requests);
+        operator.servers = services::serve(&operator.bus, &operator.namespace, &services)?;
+        if let Some(listener) = private {
+            let answered = private::all(&services, &operator.state);
+            operator.private = Some(listener.serve(answered)?);
+        }
         let (bus, namespace) = (&operator.bus, &operator.namespace);
         let (run, parts) = run_action::serve(bus, namespace, &operator.requests)?;
         let (plan, orders) = plan_action::serve(bus, namespace, &operator.requests)?;
@@ -149,6 +164,7 @@ impl Operator {
             print_part(&part);
             state.health.part_ended();
             state.tell(PartNews::Report(part.clone()));
+            state.last = Some(part.clone());
             state.part = Some(part);
         })?;
         self.subscribe(topics::LOSS_REPORTS, |state, loss: LossReport| {
@@ -344,6 +360,7 @@ impl Operator {
     /// Leaves the cell.
     pub(crate) fn leave(mut self) -> anyhow::Result<()> {
         self.servers.clear();
+        self.private = None;
         self.subscriptions.clear();
         self.bus.close(Duration::from_secs(2))?;
         Ok(())

@@ -13,10 +13,11 @@ use graph::{Stamp, Topic, topics};
 use host::{
     bus::{Bus, Publisher, Server},
     bus_qos,
+    private::Answering,
 };
 use probecell_msgs::{
-    InspectionPoint, OperatorReply, OperatorRequest, Service, builtin_interfaces::Time, from_cdr,
-    srv, std_msgs, to_cdr,
+    InspectionPoint, OperatorReply, OperatorRequest, Service, ServiceType,
+    builtin_interfaces::Time, from_cdr, srv, std_msgs, to_cdr,
 };
 
 use super::state::{OperatorState, lock};
@@ -140,30 +141,32 @@ impl RequestPublishers {
     }
 }
 
-/// Serves `plan`, `run`, `stop`, `status` and `approve_correction`.
-pub(super) fn serve(
-    bus: &Bus,
-    namespace: &str,
-    requests: &Arc<RequestPublishers>,
-) -> anyhow::Result<Vec<Server>> {
-    let service = Services {
-        bus,
-        namespace,
-        requests,
-    };
-    Ok(vec![
-        service.offer::<srv::Plan>(
-            "plan",
-            topics::PLAN_REPLIES,
+/// A service of the operator: its name, its type, and what answers it.
+pub(super) struct Offered {
+    pub(super) name: &'static str,
+    kind: &'static ServiceType,
+    pub(super) answering: Answering,
+}
+
+/// `plan`, `run`, `stop`, `status` and `approve_correction`.
+pub(super) fn all(requests: &Arc<RequestPublishers>) -> Vec<Offered> {
+    let state = Arc::clone(&requests.state);
+    vec![
+        offered::<srv::Plan>(
+            ("plan", topics::PLAN_REPLIES),
+            requests,
             |request| plan_request(request.plan_id, request.points),
             |accepted, text| srv::PlanResponse { accepted, text },
-        )?,
-        service.offer::<srv::Run>("run", topics::RUN_REPLIES, run_request, |accepted, text| {
-            srv::RunResponse { accepted, text }
-        })?,
-        service.offer::<srv::Stop>(
-            "stop",
-            topics::STOP_REPLIES,
+        ),
+        offered::<srv::Run>(
+            ("run", topics::RUN_REPLIES),
+            requests,
+            run_request,
+            |accepted, text| srv::RunResponse { accepted, text },
+        ),
+        offered::<srv::Stop>(
+            ("stop", topics::STOP_REPLIES),
+            requests,
             |request| OperatorRequest {
                 operator_name: request.operator_name,
                 signed_at: request.signed_at,
@@ -172,11 +175,16 @@ pub(super) fn serve(
                 ..OperatorRequest::default()
             },
             |accepted, text| srv::StopResponse { accepted, text },
-        )?,
-        service.offer_status()?,
-        service.offer::<srv::ApproveCorrection>(
-            "approve_correction",
-            topics::APPROVAL_REPLIES,
+        ),
+        // Answered here: what was received is known, and nothing is asked of a node.
+        Offered {
+            name: "status",
+            kind: srv::Status::TYPE,
+            answering: Arc::new(move |_| to_cdr(&lock(&state).status())),
+        },
+        offered::<srv::ApproveCorrection>(
+            ("approve_correction", topics::APPROVAL_REPLIES),
+            requests,
             |request| OperatorRequest {
                 subject: request.correction_id,
                 operator_name: request.operator_name,
@@ -187,8 +195,22 @@ pub(super) fn serve(
                 ..OperatorRequest::default()
             },
             |accepted, text| srv::ApproveCorrectionResponse { accepted, text },
-        )?,
-    ])
+        ),
+    ]
+}
+
+/// Serves them on the bus.
+pub(super) fn serve(bus: &Bus, namespace: &str, all: &[Offered]) -> anyhow::Result<Vec<Server>> {
+    let served = all.iter().map(|one| {
+        let answering = Arc::clone(&one.answering);
+        let handler = move |request: &[u8]| Ok(answering(request));
+        Ok(bus.serve(
+            &format!("{namespace}/{}", one.name),
+            one.kind,
+            Box::new(handler),
+        )?)
+    });
+    served.collect()
 }
 
 /// What a request for a plan asks of the graph.
@@ -218,43 +240,28 @@ pub(super) fn run_request(request: srv::RunRequest) -> OperatorRequest {
     }
 }
 
-struct Services<'a> {
-    bus: &'a Bus,
-    namespace: &'a str,
-    requests: &'a Arc<RequestPublishers>,
-}
-
-impl Services<'_> {
-    /// Answered here: what was received is known, and nothing is asked of a node.
-    fn offer_status(&self) -> anyhow::Result<Server> {
-        let state = Arc::clone(&self.requests.state);
-        let handler = move |_: &[u8]| Ok(to_cdr(&lock(&state).status()));
-        let name = format!("{}/status", self.namespace);
-        Ok(self
-            .bus
-            .serve(&name, srv::Status::TYPE, Box::new(handler))?)
-    }
-
-    fn offer<S: Service>(
-        &self,
-        name: &str,
-        reply: Topic,
-        to_request: fn(S::Request) -> OperatorRequest,
-        to_response: fn(bool, String) -> S::Response,
-    ) -> anyhow::Result<Server> {
-        let requests = Arc::clone(self.requests);
-        // A ROS 2 client never hears of an error reply: a failure is answered in the service's type.
-        let handler = move |request: &[u8]| {
-            let answer = from_cdr::<S::Request>(request)
-                .map_err(|error| format!("the request cannot be read: {error}"))
-                .and_then(|request| requests.call(reply.name, to_request(request)));
-            let (accepted, text) = match answer {
-                Ok(reply) => (reply.accepted, reply.text),
-                Err(why) => (false, why),
-            };
-            Ok(to_cdr(&to_response(accepted, text)))
+/// A service whose calls enter the graph.
+fn offered<S: Service>(
+    (name, reply): (&'static str, Topic),
+    requests: &Arc<RequestPublishers>,
+    to_request: fn(S::Request) -> OperatorRequest,
+    to_response: fn(bool, String) -> S::Response,
+) -> Offered {
+    let requests = Arc::clone(requests);
+    // A ROS 2 client never hears of an error reply: a failure is answered in the service's type.
+    let answering = move |request: &[u8]| {
+        let answer = from_cdr::<S::Request>(request)
+            .map_err(|error| format!("the request cannot be read: {error}"))
+            .and_then(|request| requests.call(reply.name, to_request(request)));
+        let (accepted, text) = match answer {
+            Ok(reply) => (reply.accepted, reply.text),
+            Err(why) => (false, why),
         };
-        let name = format!("{}/{name}", self.namespace);
-        Ok(self.bus.serve(&name, S::TYPE, Box::new(handler))?)
+        to_cdr(&to_response(accepted, text))
+    };
+    Offered {
+        name,
+        kind: S::TYPE,
+        answering: Arc::new(answering),
     }
 }

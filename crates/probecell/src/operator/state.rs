@@ -48,6 +48,8 @@ pub(super) struct OperatorState {
     pub(super) informed: bool,
     /// The part that is being made.
     pub(super) making: PartStatus,
+    /// The part that has ended last.
+    pub(super) last: Option<PartReport>,
     /// The last faults and when they were received, newest last.
     faults: VecDeque<(String, Instant)>,
     /// The processes of the cell.
