@@ -17,6 +17,7 @@ import socket
 import struct
 import sys
 import time
+import urllib.error
 import urllib.request
 
 import zenoh
@@ -699,6 +700,53 @@ def a_secured_cell_works_and_nobody_else_speaks(folder):
     assert code == 1 and "was changed between byte" in output, (code, output, errors)
 
 
+def an_operator_stops_a_part_while_strangers_take_what_they_can(folder):
+    """Connections that say nothing to the router and to the dashboard, and every offer of an act: the operator of an open and of a secured
+    cell asks for its state and stops it all the same, and a page is offered a stop."""
+    for kind in ("open", "secured"):
+        place = folder / kind
+        place.mkdir()
+        cell = own_cell(place, lambda text: text.replace('name = "turn_mill"', f'name = "{kind}"', 1), cut_s=LONG)
+        if kind == "secured":
+            code, output, errors = asked("secure", cell, "--out", place / "sessions", folder=place)
+            assert code == 0, (output, errors)
+        with cell_that_is_ready(cell, place) as up, contextlib.ExitStack() as held:
+            until("the dashboard", lambda: re.search(r"dashboard: http://\S+", up.errors))
+            (port,) = re.findall(r"dashboard: http://127.0.0.1:(\d+)/", up.errors)
+            address = f"http://127.0.0.1:{port}"
+
+            def page(path, about=None):
+                headers = {"content-type": "application/json", "origin": address}
+                if about is not None:
+                    headers["x-act-token"] = json.loads(page("/act/token"))["token"]
+                    about = json.dumps({"cell": kind, "subject": "", **about}).encode()
+                request = urllib.request.Request(address + path, data=about, headers=headers)
+                with urllib.request.urlopen(request, timeout=kit.patience(60)) as answer:
+                    return answer.read().decode()
+
+            cutting(cell, place)
+
+            def strangers(to, count, words=b""):
+                for _ in range(count):
+                    one = held.enter_context(socket.create_connection(("127.0.0.1", int(to)), timeout=kit.patience(60)))
+                    one.sendall(words)
+
+            strangers(port, 400, b"GET / HTTP/1.1\r\nHost: 127")
+            until("its own cell on the page", lambda: f"/cell/{kind}" in page("/"))
+            refused = 0
+            while not refused:
+                try:
+                    page("/act/offer", {"act": "make", "subject": "punch"})
+                except urllib.error.HTTPError as error:
+                    refused = error.code
+            assert "stop" in json.loads(page("/act/offer", {"act": "stop"}))["kind"]
+            strangers(7447, 300)
+            assert status(cell, place)["part"]["stage"] == "cutting"
+            code, output, errors = asked("stop", "--cell", cell, folder=place)
+            assert code == 0 and "the machine stands" in output, (kind, code, output, errors)
+            up.says("part punch: stopped")
+
+
 def a_cell_that_has_gone_is_kept_for_late_dashboards(folder):
     """By `router --keep`: asked by eclipse-zenoh, as any storage of Zenoh is, and by the program; then a storage of others."""
     cell = own_cell(folder)
@@ -811,7 +859,7 @@ CHECKS = (
     a_recording_that_is_taken_away_stops_the_part_and_is_kept, a_dashboard_that_dies_is_started_again,
     a_killed_launcher_leaves_nothing_that_holds_commands_up,
     corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,
-    a_secured_cell_works_and_nobody_else_speaks, a_stranger_reads_and_commands_nothing,
+    a_secured_cell_works_and_nobody_else_speaks, an_operator_stops_a_part_while_strangers_take_what_they_can, a_stranger_reads_and_commands_nothing,
     another_user_reads_and_commands_nothing, a_cell_that_has_gone_is_kept_for_late_dashboards,
     the_dashboard_of_a_cell_reads_the_others_once_it_is_looked_at,
 )

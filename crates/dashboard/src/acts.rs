@@ -10,6 +10,7 @@
 
 mod forward;
 mod offer;
+mod stops;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Deref;
@@ -25,6 +26,7 @@ use signatures::approval::{NotApproved, check};
 use signatures::{Act, Kind, PublicKey, operators};
 use tokio::sync::Semaphore;
 
+use self::stops::Stops;
 use crate::state::Hall;
 
 /// How long an offer counts: as long as an approval counts after it was signed.
@@ -136,6 +138,7 @@ pub(crate) struct Answer {
 pub(crate) struct Acts {
     desks: BTreeMap<String, (ActionEndpoint, Mutex<Option<OperatorKeys>>)>,
     offers: Mutex<BTreeMap<String, Offer>>,
+    stops: Stops,
     /// Of the pages of this process: no page from elsewhere can read it.
     pub(crate) page_token: String,
     running: Arc<Semaphore>,
@@ -149,6 +152,7 @@ impl Acts {
                 .map(|desk| (desk.cell.clone(), (desk, Mutex::default())))
                 .collect(),
             offers: Mutex::default(),
+            stops: Stops::new()?,
             page_token: random()?,
             running: Arc::new(Semaphore::new(AT_ONCE)),
         })
@@ -186,8 +190,10 @@ impl Acts {
             Deed::Stop => host::now().time(),
             _ => forward::clock_of(desk)?,
         };
-        let token =
-            random().map_err(|error| format!("the system has no random numbers: {error}"))?;
+        let token = match proposal.deed {
+            Deed::Stop => self.stops.token(desk, at),
+            _ => random().map_err(|error| format!("the system has no random numbers: {error}"))?,
+        };
         let offered = Offered {
             token: token.clone(),
             cell_key: desk.key.to_string(),
@@ -196,6 +202,9 @@ impl Acts {
             subject: hexadecimal(&proposal.subject),
             summary: proposal.summary,
         };
+        if matches!(proposal.deed, Deed::Stop) {
+            return Ok(offered);
+        }
         let mut offers = lock(&self.offers);
         offers.retain(|_, one| one.made.elapsed() < OFFERED);
         if offers.len() >= OFFERS {
@@ -214,15 +223,13 @@ impl Acts {
 
     /// Carries out a signed act: the answer of the cell, or a sentence that says why it was not even asked. Blocks.
     pub(crate) fn carry_out(&self, signed: &Signed) -> Result<Answer, String> {
-        let offer = lock(&self.offers).remove(&signed.token);
-        let offer = offer
-            .filter(|one| one.made.elapsed() < OFFERED)
-            .ok_or_else(|| {
-                format!(
-                    "this act was not offered, was sent already, or was offered more than {} s ago",
-                    OFFERED.as_secs()
-                )
-            })?;
+        let not_offered = || {
+            format!(
+                "this act was not offered, was sent already, or was offered more than {} s ago",
+                OFFERED.as_secs()
+            )
+        };
+        let offer = self.offered(&signed.token).ok_or_else(not_offered)?;
         let (desk, keys) = (self.desks.get(&offer.cell)).ok_or_else(|| no_desk(&offer.cell))?;
         let by = &signed.operator;
         if by.is_empty() {
@@ -252,6 +259,9 @@ impl Acts {
                 why => why.to_string(),
             })?;
         }
+        if matches!(offer.deed, Deed::Stop) && !self.stops.take(&signed.token) {
+            return Err(not_offered());
+        }
         // A stop waits for nothing.
         let _turn = match offer.deed {
             Deed::Stop => None,
@@ -262,6 +272,24 @@ impl Acts {
             ),
         };
         forward::forward(desk, &offer.deed, offer.at, signed, signature)
+    }
+}
+
+impl Acts {
+    /// What was offered under a token; an act other than a stop is no longer.
+    fn offered(&self, token: &str) -> Option<Offer> {
+        let desk = |cell: &str| self.desks.get(cell).map(|(desk, _)| desk);
+        if let Some((desk, at)) = self.stops.offered(token, desk) {
+            return Some(Offer {
+                cell: desk.cell.clone(),
+                deed: Deed::Stop,
+                at,
+                subject: offer::of_stop(desk.key),
+                made: Instant::now(),
+            });
+        }
+        let offer = lock(&self.offers).remove(token)?;
+        (offer.made.elapsed() < OFFERED).then_some(offer)
     }
 }
 

@@ -9,6 +9,7 @@ mod viewer;
 
 use std::future::{Future, Ready, ready};
 use std::io;
+use std::time::Duration;
 
 use axum::Router;
 use axum::extract::{Path, Query, RawQuery, Request, State};
@@ -17,6 +18,9 @@ use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::sse::Sse;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
 
 use self::act::{key_page, offer, sign, token};
 use self::answer::{Look, missing, page};
@@ -32,17 +36,44 @@ pub use self::answer::{MakePage, Pages};
 /// Nothing from elsewhere, nothing inline.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
 
+/// In which the head of a request has come: who sends none holds a descriptor for no longer.
+const HEAD: Duration = Duration::from_secs(5);
+/// Between two attempts to take a connection where there is no room for one.
+const NO_ROOM: Duration = Duration::from_millis(50);
+
 /// Serves until `end`.
 pub(crate) async fn serve(
     listener: tokio::net::TcpListener,
     shared: Shared,
     end: impl Future<Output = ()> + Send + 'static,
 ) -> io::Result<()> {
+    let router = router(shared);
+    let accept_all = async {
+        loop {
+            let Ok((stream, _)) = listener.accept().await else {
+                // Without a descriptor nothing is taken until one is free.
+                tokio::time::sleep(NO_ROOM).await;
+                continue;
+            };
+            let service = TowerToHyperService::new(router.clone());
+            tokio::spawn(async move {
+                let served = http1::Builder::new()
+                    .timer(TokioTimer::new())
+                    .header_read_timeout(HEAD)
+                    .serve_connection(TokioIo::new(stream), service)
+                    .with_upgrades();
+                if let Err(error) = served.await {
+                    tracing::debug!(%error, "a connection");
+                }
+            });
+        }
+    };
     // Streams never end by themselves, hence no graceful end: nothing is being written.
     tokio::select! {
-        ended = axum::serve(listener, router(shared)) => ended,
-        () = end => Ok(()),
+        () = accept_all => {}
+        () = end => {}
     }
+    Ok(())
 }
 
 fn router(shared: Shared) -> Router {

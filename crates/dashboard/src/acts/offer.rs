@@ -32,7 +32,7 @@ pub(super) fn propose(
         "reject" => answer(cell, subject, false),
         "stop" => Ok(Proposal {
             deed: Deed::Stop,
-            subject: request(key, "", ""),
+            subject: of_stop(key),
             summary: vec![format!("Stop the machine and the part of {}", cell.name)],
         }),
         "make" => make(cell, key, subject.trim()),
@@ -40,6 +40,11 @@ pub(super) fn propose(
         "next" => next(cell, key, subject),
         _ => Err(format!("there is no act {act:?}")),
     }
+}
+
+/// The subject of a stop.
+pub(super) fn of_stop(key: PublicKey) -> Vec<u8> {
+    request(key, "", "")
 }
 
 /// The subject of a request, as [`Act::of_request`] has it.

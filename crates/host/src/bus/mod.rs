@@ -42,7 +42,8 @@ mod types;
 pub mod wire;
 
 use std::borrow::Cow;
-use std::sync::mpsc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
 pub use config::{BusConfig, DdsServices, Followed, ROUTER_ENDPOINT, RouterConfig, Transport};
@@ -104,6 +105,9 @@ impl Request {
         (self.reply)(answer);
     }
 }
+
+/// Bytes of requests that wait for the thread of a service; what comes beyond is refused.
+const MOST_WAITING: usize = 64 << 20;
 
 /// Called with requests; must not block.
 pub type OnRequest = Box<dyn Fn(Request) + Send + Sync>;
@@ -194,17 +198,29 @@ impl Bus {
         mut handler: Handler,
     ) -> Result<Server, BusError> {
         let (sender, requests) = mpsc::channel::<Request>();
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let taken = Arc::clone(&waiting);
         std::thread::Builder::new()
             .name(format!("service {name}"))
             .spawn(move || {
                 for request in requests {
+                    let length = request.payload.len();
                     let answer = handler(&request.payload);
                     request.answer(answer);
+                    taken.fetch_sub(length, Ordering::AcqRel);
                 }
             })
             .map_err(|reason| BusError::transport("start a service's thread", &reason))?;
         // The thread ends only after this sender, unless the handler has panicked: then the request is dropped here.
-        let queue = move |request| drop(sender.send(request));
+        let queue = move |request: Request| {
+            let length = request.payload.len();
+            if waiting.fetch_add(length, Ordering::AcqRel) + length > MOST_WAITING {
+                waiting.fetch_sub(length, Ordering::AcqRel);
+                request.answer(Err("too much is waiting to be answered".to_owned()));
+            } else {
+                drop(sender.send(request));
+            }
+        };
         self.serve_deferred(name, ty, Box::new(queue))
     }
 
