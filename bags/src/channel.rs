@@ -9,7 +9,9 @@ use std::fmt::Write as _;
 use probecell_msgs::migration::Migration;
 use probecell_msgs::{MessageType, by_name};
 use serde::{Deserialize, Serialize};
-use yaml_rust2::{Yaml, YamlLoader};
+use yaml_rust2::Yaml;
+
+use crate::yaml;
 
 /// Samples kept of a transient local topic that offers to keep all: memory stays bounded.
 const LATCHED_LIMIT: usize = 1000;
@@ -113,7 +115,7 @@ impl Qos {
     /// Reads `offered_qos_profiles` of any rosbag2 version. Of several publishers the strongest durability counts, so
     /// that a latched topic is not missed. Unreadable or empty text gives `None`.
     pub fn from_yaml(text: &str) -> Option<Self> {
-        let documents = YamlLoader::load_from_str(text).ok()?;
+        let documents = yaml::load(text)?;
         let profiles = documents.first()?.as_vec()?;
         profiles
             .iter()
@@ -301,7 +303,7 @@ mod tests {
     #[test]
     fn quoted_text_is_read_back_by_a_yaml_parser() {
         let nasty = "a \"b\" \\ c\nd: - # \u{1}é";
-        let documents = YamlLoader::load_from_str(&quoted(nasty)).unwrap();
+        let documents = yaml::load(&quoted(nasty)).unwrap();
         assert_eq!(documents[0].as_str(), Some(nasty));
     }
 }

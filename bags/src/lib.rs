@@ -45,6 +45,7 @@ mod recover;
 mod seal;
 mod session;
 mod split;
+mod yaml;
 
 pub use channel::{Channel, Durability, History, Qos, Reliability};
 pub use damage::{Damage, DamageKind};

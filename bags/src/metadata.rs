@@ -8,11 +8,10 @@ use std::fmt::{self, Display, Formatter, Write as _};
 use std::io::Write as _;
 use std::path::Path;
 
-use yaml_rust2::YamlLoader;
-
 use crate::channel::{Channel, quoted};
 use crate::disk::{Disk, Stream};
 use crate::error::Error;
+use crate::yaml;
 
 /// Name of the metadata file in the folder of the splits.
 pub(crate) const FILE_NAME: &str = "metadata.yaml";
@@ -155,7 +154,7 @@ pub(crate) struct Folder {
 
 /// Reads a `metadata.yaml`; `None` if the text is not one.
 pub(crate) fn read(text: &str) -> Option<Folder> {
-    let documents = YamlLoader::load_from_str(text).ok()?;
+    let documents = yaml::load(text)?;
     let body = &documents.first()?["rosbag2_bagfile_information"];
     let paths = body["relative_file_paths"].as_vec()?;
     let word = |key: &str| body[key].as_str().unwrap_or_default();
@@ -210,7 +209,7 @@ mod tests {
 
     #[test]
     fn a_yaml_parser_finds_every_key_of_version_9() {
-        let documents = YamlLoader::load_from_str(&folder().to_file_text()).unwrap();
+        let documents = yaml::load(&folder().to_file_text()).unwrap();
         let body = &documents[0]["rosbag2_bagfile_information"];
         assert_eq!(body["version"].as_i64(), Some(9));
         assert_eq!(body["duration"]["nanoseconds"].as_i64(), Some(25));
@@ -244,8 +243,7 @@ mod tests {
 
     #[test]
     fn an_empty_recording_is_described_too() {
-        let documents =
-            YamlLoader::load_from_str(&FolderInformation::default().to_file_text()).unwrap();
+        let documents = yaml::load(&FolderInformation::default().to_file_text()).unwrap();
         let body = &documents[0]["rosbag2_bagfile_information"];
         assert_eq!(
             body["topics_with_message_count"].as_vec().map(Vec::len),

@@ -14,6 +14,16 @@ const MOST_NAMED: usize = 20;
 /// A pause between parts that is always believed, ns: topics may be silent for a minute.
 const LEAST_PAUSE_NS: u64 = 60_000_000_000;
 
+/// Longest `metadata.yaml` that is read, bytes: some 100,000 files.
+const LONGEST: u64 = 16 << 20;
+
+/// The text of a regular file that is not too long; a pipe may never end.
+fn read_regular(path: &Path) -> Option<String> {
+    let known = std::fs::metadata(path).ok()?;
+    let is_read = known.is_file() && known.len() <= LONGEST;
+    is_read.then(|| std::fs::read_to_string(path).ok())?
+}
+
 /// The files of a recording in reading order, and those that `metadata.yaml` names and that are gone.
 ///
 /// `metadata.yaml` gives the order; other files of the folder (of a recorder that was killed) follow, and
@@ -48,7 +58,9 @@ pub(super) fn of(path: &Path) -> Result<(Vec<PathBuf>, Vec<Damage>), Error> {
     }
     others.sort();
     present.sort_by_key(|file| numbered(file));
-    let named = std::fs::read_to_string(path.join(metadata::FILE_NAME)).ok();
+    let named = path.join(metadata::FILE_NAME);
+    let named = others.contains(&named).then(|| read_regular(&named));
+    let named = named.flatten();
     let named = named
         .and_then(|text| metadata::read(&text))
         .unwrap_or_default();
@@ -60,12 +72,17 @@ pub(super) fn of(path: &Path) -> Result<(Vec<PathBuf>, Vec<Damage>), Error> {
     }
     let mut files: Vec<PathBuf> = Vec::new();
     let mut missing = Vec::new();
+    // A file that is named again is read once.
+    let mut known = BTreeSet::new();
     for name in named.relative_file_paths {
         // Old recorders wrote the folder's name in front; only the file's own name is looked for in the folder.
         let Some(name) = Path::new(&name).file_name() else {
             continue;
         };
         let mut file = path.join(name);
+        if !known.insert(file.clone()) {
+            continue;
+        }
         if let Some(error) = foreign::of(&file) {
             return Err(error);
         }

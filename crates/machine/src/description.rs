@@ -85,13 +85,30 @@ pub enum ChainError {
     },
 }
 
-/// Refuses a text that is too long or nested too deep, before any parser sees it.
+/// Most attributes of an element: a parser compares each with all before it.
+const MAX_ATTRIBUTES: usize = 1000;
+
+/// Refuses a text that is too long, nested too deep, or that a parser would blow up, before any parser sees it.
 pub(crate) fn check_text(text: &str) -> Result<(), ChainError> {
     if text.len() > MAX_BYTES {
         return Err(ChainError::TooLarge {
             what: "bytes",
             given: text.len(),
             most: MAX_BYTES,
+        });
+    }
+    if text.contains("<!ENTITY") {
+        let what = "it defines entities: write their values where they are used";
+        return Err(ChainError::Urdf(what.to_owned()));
+    }
+    // No attribute holds a `<`: between two of them are the attributes of one element at most.
+    let attributes = text.split('<').map(|part| part.matches('=').count());
+    let attributes = attributes.max().unwrap_or(0);
+    if attributes > MAX_ATTRIBUTES {
+        return Err(ChainError::TooLarge {
+            what: "attributes of one element",
+            given: attributes,
+            most: MAX_ATTRIBUTES,
         });
     }
     let deepest = nesting(text);

@@ -34,6 +34,23 @@ fn text_that_is_no_urdf_is_refused() {
     );
 }
 
+/// A hundred kilobytes that would become gigabytes, or minutes.
+#[test]
+fn what_a_parser_would_blow_up_is_refused_before() {
+    let entity = "x".repeat(50_000);
+    let uses = "&a;".repeat(50_000);
+    let text = format!("<!DOCTYPE r [<!ENTITY a \"{entity}\">]><robot name=\"{uses}\"/>");
+    let error = Chain::from_urdf(&text).unwrap_err().to_string();
+    assert!(error.contains("it defines entities"), "{error}");
+    let many: Vec<String> = (0..100_000).map(|one| format!("a{one}=\"1\"")).collect();
+    let text = format!("<robot name=\"r\" {}/>", many.join(" "));
+    let error = Chain::from_urdf(&text).unwrap_err().to_string();
+    assert!(
+        error.contains("100001 attributes of one element"),
+        "{error}"
+    );
+}
+
 #[test]
 fn missing_links_are_named() {
     check(
