@@ -113,6 +113,7 @@ mod tests {
             positions: Vec::new(),
             before: number as f64 * 1e-6,
             after: *after,
+            pose: Vec::new(),
         };
         Residuals::Touches(vec![TouchResiduals {
             compared: "touches against the model",
