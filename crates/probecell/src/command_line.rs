@@ -243,6 +243,9 @@ pub(crate) enum Command {
     Report(commands::report::Arguments),
     /// Add the effects found by a gap report to the cell's declared model, or remove them.
     Adopt(commands::adopt::Arguments),
+    /// List what mends each cause of a gap report, or write it as what the machine loads: a compensation table, settings, a robot
+    /// description.
+    Cure(commands::cure::Arguments),
     /// Simulate a recorded session again with its model before and after the diagnosis, and compare the residuals (posterior
     /// predictive check). Exit status 1 if the session contradicts the model with the effects.
     Simulate(commands::simulate::Arguments),

@@ -87,6 +87,14 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "cure",
+        &[
+            "cure gap.json",
+            "cure gap.json --as linuxcnc-ini --current mill.ini --out mill_cured.ini",
+            "cure recordings/box_1 --as urdf --member link.EC0A1 --urdf arm.urdf",
+        ],
+    ),
+    (
         "adopt",
         &[
             "adopt gap.json --cell my_cell.toml",

@@ -231,6 +231,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
         Command::Report(arguments) => commands::report::run(&arguments),
         Command::Adopt(arguments) => commands::adopt::run(&arguments),
+        Command::Cure(arguments) => commands::cure::run(&arguments),
         Command::Simulate(arguments) => commands::simulate::run(&arguments),
         Command::Identifiability(arguments) => commands::identifiability::run(&arguments),
         Command::Conformance(arguments) => commands::conformance::run(&arguments),

@@ -6,42 +6,18 @@ that is idle before may be between two lines.
 """
 
 import pathlib
-import socket
 import sys
 
 sys.path.append(str(pathlib.Path(__file__).resolve().parents[2]))
 import kit  # noqa: E402
-
-
-class Shell:
-    """The remote shell: one request, its lines of answer."""
-
-    def __init__(self):
-        self.socket = socket.create_connection(("127.0.0.1", 5007), timeout=kit.patience(30))
-        self.file = self.socket.makefile("r", newline="\n")
-
-    def say(self, request):
-        self.socket.sendall(request.encode() + b"\r\n")
-        while True:
-            answer = self.file.readline()
-            if not answer:
-                raise SystemExit("the remote shell is gone")
-            if answer.strip():
-                return answer.strip()
+from shell import Shell  # noqa: E402
 
 
 def main():
     path, log = (pathlib.Path(one).resolve() for one in sys.argv[1:])
     shell = Shell()
-    shell.say("hello EMC run_program 1.0")
-    shell.socket.sendall(b"set echo off\r\nset verbose on\r\n")
-    while "VERBOSE ACK" not in (answer := shell.file.readline()):
-        if not answer:
-            raise SystemExit("the remote shell is gone")
-    for request in ("enable EMCTOO", "mode auto", f"open {path}", "run"):
-        answer = shell.say(f"set {request}")
-        if not answer.endswith("ACK"):
-            raise SystemExit(f"{request}: {answer}")
+    for request in ("mode auto", f"open {path}", "run"):
+        shell.set(request)
 
     def ended():
         lines = log.read_text().splitlines() if log.exists() else []

@@ -3,6 +3,7 @@
 pub(crate) mod adopt;
 pub(crate) mod approve;
 pub(crate) mod conformance;
+pub(crate) mod cure;
 pub(crate) mod dashboard;
 pub(crate) mod demo;
 pub(crate) mod diagnose;

@@ -1,0 +1,9 @@
+//! What each maker's machine loads.
+
+mod linuxcnc;
+mod table;
+
+use crate::job::Format;
+
+/// Every format, as typed after `--as`.
+pub const FORMATS: &[&Format] = &[&linuxcnc::INI, &linuxcnc::COMP];

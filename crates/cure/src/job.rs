@@ -1,0 +1,121 @@
+//! What is to be written, and what a format needs of it.
+
+use diagnosis::Report;
+use machine::Chain;
+
+use crate::CureError;
+use crate::cause::Cause;
+use crate::head::{Change, head};
+
+/// A file of the machine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct File {
+    /// Its name, for messages.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+}
+
+/// What a person asks for.
+#[derive(Debug, Clone)]
+pub struct Request<'a> {
+    /// The report.
+    pub report: &'a Report,
+    /// Digest of the text of the report ([`crate::digest`]).
+    pub digest: &'a str,
+    /// What to write.
+    pub format: &'static Format,
+    /// Of groups of equals, those that a person has chosen.
+    pub members: &'a [String],
+    /// Causes to write; empty for all that the format holds.
+    pub only: &'a [String],
+    /// The axis, for a format that holds one.
+    pub axis: Option<&'a str>,
+    /// Places of a table; `None`: as many as its causes need.
+    pub points: Option<usize>,
+    /// The robot description.
+    pub urdf: Option<&'a File>,
+    /// The machine's settings as they are now.
+    pub current: Option<&'a File>,
+}
+
+/// What one maker's machine loads.
+#[derive(Debug)]
+pub struct Format {
+    /// As typed.
+    pub name: &'static str,
+    /// What it is.
+    pub about: &'static str,
+    /// Kinds of effects that it holds.
+    pub(crate) holds: &'static [&'static str],
+    /// Writes it.
+    pub(crate) write: fn(&Job<'_>) -> Result<String, CureError>,
+}
+
+/// Causes that are certain and that the format holds.
+#[derive(Debug)]
+pub(crate) struct Job<'a> {
+    /// What was asked for.
+    pub(crate) request: &'a Request<'a>,
+    /// At least one.
+    pub(crate) causes: Vec<Cause>,
+    /// What else was found, and why it is not in the file.
+    pub(crate) stays: Vec<String>,
+}
+
+impl Job<'_> {
+    /// The machine's settings of today.
+    pub(crate) fn current(&self, what: &'static str) -> Result<&File, CureError> {
+        self.request.current.ok_or(CureError::Missing {
+            format: self.request.format.name,
+            option: "--current FILE",
+            what,
+        })
+    }
+
+    /// The robot description.
+    pub(crate) fn urdf(&self) -> Result<&File, CureError> {
+        self.request.urdf.ok_or(CureError::Missing {
+            format: self.request.format.name,
+            option: "--urdf FILE",
+            what: "the robot description against which the machine was measured",
+        })
+    }
+
+    /// The machine of the robot description.
+    pub(crate) fn chain(&self) -> Result<Chain, CureError> {
+        Ok(Chain::from_urdf(&self.urdf()?.text)?)
+    }
+
+    /// The axis of a format that holds one: that of the causes, or the one asked for.
+    pub(crate) fn one_axis(&self) -> Result<&str, CureError> {
+        let mut axes: Vec<&str> = self.causes.iter().map(Cause::axis).collect();
+        axes.sort_unstable();
+        axes.dedup();
+        match (self.request.axis, axes.as_slice()) {
+            (Some(axis), _) if axes.contains(&axis) => Ok(axis),
+            (Some(axis), _) => Err(CureError::Report(format!(
+                "the report has no cause of axis {axis} that {} holds",
+                self.request.format.name
+            ))),
+            (None, [axis]) => Ok(axis),
+            (None, _) => Err(CureError::Report(format!(
+                "{} holds one axis, and the report names {}: say which by --axis",
+                self.request.format.name,
+                axes.join(", ")
+            ))),
+        }
+    }
+
+    /// What the file says of itself, each line to be commented; `causes` are those that are in it.
+    pub(crate) fn head(&self, causes: &[Cause], changes: &[Change], undo: &str) -> Vec<String> {
+        let others = self
+            .causes
+            .iter()
+            .filter(|one| !causes.iter().any(|own| own.name == one.name));
+        let others = others.map(|one| format!("{} (another file)", one.name));
+        let stays: Vec<String> = others.chain(self.stays.iter().cloned()).collect();
+        let origin = (self.request.report.bag.as_str(), self.request.digest);
+        head(origin, causes, changes, &stays, undo)
+    }
+}

@@ -1,0 +1,11 @@
+//! What is written, read back by readers that share nothing with the writer.
+//!
+//! ```text
+//!   certainty   what is not certain, or not the machine's, is refused by name
+//!   known       machines whose errors are known, drawn at random, and their reports
+//!   linuxcnc    INI and compensation table, by the formulas of LinuxCNC's manual
+//! ```
+
+mod certainty;
+mod known;
+mod linuxcnc;
