@@ -1,9 +1,17 @@
 //! What each maker's machine loads.
 
 mod linuxcnc;
+mod origin;
+mod robot;
 mod table;
 
 use crate::job::Format;
 
 /// Every format, as typed after `--as`.
-pub const FORMATS: &[&Format] = &[&linuxcnc::INI, &linuxcnc::COMP];
+pub const FORMATS: &[&Format] = &[
+    &linuxcnc::INI,
+    &linuxcnc::COMP,
+    &robot::URDF,
+    &robot::UR_KINEMATICS,
+    &robot::ROBOT_CALIBRATION,
+];

@@ -23,6 +23,7 @@ mod job;
 mod list;
 mod request;
 mod settings;
+mod skew;
 
 pub use error::CureError;
 pub use formats::FORMATS;

@@ -3,9 +3,11 @@
 //! ```text
 //!   certainty   what is not certain, or not the machine's, is refused by name
 //!   known       machines whose errors are known, drawn at random, and their reports
+//!   robot       robot descriptions, by the chain of the crate `machine`
 //!   linuxcnc    INI and compensation table, by the formulas of LinuxCNC's manual
 //! ```
 
 mod certainty;
 mod known;
 mod linuxcnc;
+mod robot;
