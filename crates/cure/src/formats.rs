@@ -1,5 +1,7 @@
 //! What each maker's machine loads.
 
+mod firmware;
+mod klipper;
 mod linuxcnc;
 mod origin;
 mod robot;
@@ -14,4 +16,8 @@ pub const FORMATS: &[&Format] = &[
     &robot::URDF,
     &robot::UR_KINEMATICS,
     &robot::ROBOT_CALIBRATION,
+    &klipper::KLIPPER,
+    &firmware::GRBL,
+    &firmware::MARLIN,
+    &firmware::DUET,
 ];

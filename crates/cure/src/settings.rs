@@ -100,6 +100,25 @@ impl<'a> Settings<'a> {
         Ok(())
     }
 
+    /// The first section whose name begins so.
+    pub(crate) fn begins(&self, name: &str) -> Option<&'a str> {
+        let headers = lines(&self.file.text).filter_map(|(_, line)| line.trim().strip_prefix('['));
+        let mut names = headers.filter_map(|rest| rest.split(']').next());
+        names.find(|own| own.starts_with(name))
+    }
+
+    /// Adds lines at the end, or before the first line that begins so.
+    pub(crate) fn append(&mut self, new: &str, before: &str) {
+        let text = &self.file.text;
+        let mut all = lines(text);
+        let place = all.find_map(|(begin, line)| line.starts_with(before).then_some(begin));
+        let place = place.unwrap_or(text.len());
+        let whole = text[..place].is_empty() || text[..place].ends_with('\n');
+        let break_before = if whole { "" } else { "\n" };
+        self.edits
+            .push((place..place, format!("{break_before}{new}")));
+    }
+
     /// What is wrong with the file.
     pub(crate) fn wrong(&self, what: &str) -> CureError {
         CureError::File {

@@ -30,7 +30,11 @@ const SLIDES: [&str; 3] = ["X", "Y", "Z"];
 pub(crate) fn skew(job: &Job<'_>) -> Result<Skew, CureError> {
     let chain = job.chain()?;
     let mut links = Vec::new();
-    for cause in &job.causes {
+    for cause in job
+        .causes
+        .iter()
+        .filter(|one| one.kind() == "link.E<c>0<A>")
+    {
         let own = SLIDES.contains(&cause.axis());
         let name = cause.name.strip_prefix("link.").unwrap_or(&cause.name);
         let link = LinkError::named(&chain, name, cause.value("e"));

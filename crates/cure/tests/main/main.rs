@@ -4,10 +4,12 @@
 //!   certainty   what is not certain, or not the machine's, is refused by name
 //!   known       machines whose errors are known, drawn at random, and their reports
 //!   robot       robot descriptions, by the chain of the crate `machine`
+//!   firmware    Klipper, GRBL, Marlin, RepRapFirmware, by their public formulas
 //!   linuxcnc    INI and compensation table, by the formulas of LinuxCNC's manual
 //! ```
 
 mod certainty;
+mod firmware;
 mod known;
 mod linuxcnc;
 mod robot;
