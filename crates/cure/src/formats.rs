@@ -3,6 +3,7 @@
 mod firmware;
 mod klipper;
 mod linuxcnc;
+mod linuxcnc_hal;
 mod origin;
 mod robot;
 mod table;
@@ -13,6 +14,7 @@ use crate::job::Format;
 pub const FORMATS: &[&Format] = &[
     &linuxcnc::INI,
     &linuxcnc::COMP,
+    &linuxcnc_hal::HAL,
     &robot::URDF,
     &robot::UR_KINEMATICS,
     &robot::ROBOT_CALIBRATION,

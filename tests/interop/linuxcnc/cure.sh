@@ -2,7 +2,7 @@
 # From cause to cure on LinuxCNC: cure.sh PROBECELL. The machine has hidden errors: X a scale, in what its drive makes of a step; Y lost
 # motion; Z a scale, lost motion and a pitch error of the screw. They are measured, diagnosed and written by `probecell cure`; the
 # controller is started again with what was written and measured again: the gap is noise. With the opposite sign it doubles.
-# Takes two minutes. Exit status 0: all hold; 1: one does not; 77: skipped, the simulated machine is not here.
+# A machine that is out of square is treated likewise. Takes three minutes. Exit status 0: all hold; 1: one does not; 77: skipped, the simulated machine is not here.
 set -euo pipefail
 probecell=$(realpath "${1:?usage: cure.sh PROBECELL}")
 here=$(cd "$(dirname "$0")" && pwd)
@@ -16,6 +16,10 @@ trap cleanup EXIT INT TERM
 "$here/prepare.sh" "$scratch"
 cd "$scratch"
 export XDG_CONFIG_HOME="$scratch/config" XDG_STATE_HOME="$scratch/state"
+
+# Another machine, without any of this, is out of square.
+cp omm3.hal square.hal
+sed 's/omm3.hal/square.hal/' omm3.ini >square.ini
 
 # X is driven by steps, SCALE of them per mm, and Z over a screw whose pitch errs. What the encoder sees is what was commanded.
 python3 - <<'P'
@@ -50,7 +54,7 @@ P
 # Hidden: a step moves X by 400 ppm more than 1/1600 mm; the pitch error of Z bends up to 18 µm.
 hide() {
     halcmd setp drive.gain 0.00062525
-    for pair in lost-y=0.030 scale-z=-250 lost-z=0.012; do halcmd setp "ommprobe.0.${pair%%=*}" "${pair#*=}"; done
+    for pair in artefact=0 lost-y=0.030 scale-z=-250 lost-z=0.012; do halcmd setp "ommprobe.0.${pair%%=*}" "${pair#*=}"; done
     local place=0 at error
     for error in 0 0.006 0.013 0.018 0.010 -0.004 -0.012 -0.016 -0.008 0.002 0.004 0; do
         at=$(python3 -c "print(-250 + $place * 500 / 11)")
@@ -126,5 +130,35 @@ for axis in "XYZ":
           f" with the opposite sign {wrong:.2f} µm")
     good &= after < 1.3 * NOISE and left["gap"]["rms"] < 1.3e-6 * NOISE and abs(wrong / before - 2) < 0.05
 raise SystemExit(not good)
+P
+
+# The machine that is out of square: an R-test over a grid.
+cp "$here/../../../launch-scripts/three_axis.urdf" .
+sheared() { # NAME INI: the machine with that INI, measured and diagnosed
+    "$here/start.sh" "$scratch" "$2" >/dev/null
+    for pair in artefact=0 sq-xy=0.0004 sq-xz=-0.0003 sq-yz=0.00025; do halcmd setp "ommprobe.0.${pair%%=*}" "${pair#*=}"; done
+    (cd "$scratch" && python3 "$here/../../kit" limit 120 -- python3 "$here/r_test.py" "$1.csv")
+    "$here/stop.sh" "$scratch"
+    "$probecell" import readings "$1.csv" --test r-test --units length=mm,deviation=mm --urdf three_axis.urdf --out "$1" >import.txt 2>&1 ||
+        { cat import.txt; exit 1; }
+    "$probecell" diagnose "$1" --json >"$1.json"
+}
+sheared square square.ini
+members=(--member link.EC0Y --member link.EB0Y --member link.EA0Z)
+"$probecell" cure square.json "${members[@]}"
+"$probecell" cure square.json "${members[@]}" --as linuxcnc-hal --current square.hal --urdf three_axis.urdf --out cured.hal
+sed '/^setp .*skew/s/gain1 /gain1 -/; s/gain1 --/gain1 /' cured.hal >wrong.hal
+for name in cured wrong; do sed "s/omm3.hal/$name.hal/" omm3.ini >"$name.square.ini"; done
+sed -i '/^SCALE = /d' cured.square.ini wrong.square.ini
+sheared square_after cured.square.ini
+sheared square_wrong wrong.square.ini
+python3 - <<'P' || { echo "FAILED: the cure of skew"; cat cured.hal; exit 1; }
+import csv, math
+def rms(name):
+    errors = [float(row[key]) for row in csv.DictReader(open(f"{name}.csv")) for key in ("dx", "dy", "dz")]
+    return 1e3 * math.sqrt(sum(error**2 for error in errors) / len(errors))
+before, after, wrong = (rms(name) for name in ("square", "square_after", "square_wrong"))
+print(f"  squareness: gap {before:.2f} µm, became {after:.2f} µm; with the opposite sign {wrong:.2f} µm")
+raise SystemExit(not (after < 1.3 * 0.5 and abs(wrong / before - 2) < 0.05))
 P
 echo "from cause to cure on LinuxCNC: good"

@@ -21,26 +21,27 @@ TARGETS = [-200 + 20 * k for k in range(21)]  # mm
 NOISE = 0.0005  # mm, standard deviation of the instrument
 
 
-def true_positions():
-    """Where the ball really is, mm, as soon as it stands."""
-    pins = "".join(f"getp ommprobe.0.true-{axis.lower()}\n" for axis in AXES)
+def true_positions(place):
+    """Where the ball really is, mm, as soon as the axes stand where they were sent."""
+    pins = [f"joint.{joint}.pos-cmd" for joint in range(len(AXES))] + [f"ommprobe.0.true-{axis.lower()}" for axis in AXES]
 
     def read():
-        done = subprocess.run(["halcmd", "-f"], input=pins, capture_output=True, text=True, check=True)
+        done = subprocess.run(["halcmd", "-f"], input="".join(f"getp {pin}\n" for pin in pins), capture_output=True, text=True, check=True)
         return [float(line) for line in done.stdout.split()]
 
     seen = [read()]
 
-    def stands():
+    def stand():
         seen.append(read())
-        return seen[-1] == seen[-2]
+        is_there = all(abs(at - place[axis]) < 1e-6 for at, axis in zip(seen[-1], AXES))
+        return is_there and seen[-1] == seen[-2]
 
-    kit.until("the axes stand", stands)
-    return seen[-1]
+    kit.until("the axes stand", stand)
+    return seen[-1][len(AXES) :]
 
 
-def main(name, runs):
-    noise = random.Random(name)
+def at_home():
+    """Switches the machine on and homes it; how it goes somewhere and stands there."""
     shell = Shell()
     for request in ("estop off", "machine on", "mode manual"):
         shell.set(request)
@@ -49,8 +50,20 @@ def main(name, runs):
     shell.set("mode mdi")
     shell.set("set_wait done")
 
+    def go(place):
+        shell.set("mdi G1 F12000 " + " ".join(f"{axis}{at}" for axis, at in place.items()))
+
+    return go
+
+
+def main(name, runs):
+    noise = random.Random(name)
+    move = at_home()
+
     def go(target):
-        shell.set("mdi G1 F12000 " + " ".join(f"{axis}{target}" for axis in AXES))
+        place = dict.fromkeys(AXES, target)
+        move(place)
+        return true_positions(place)
 
     rows = {axis: ["axis,target,direction,repeat,deviation,time"] for axis in AXES}
     begun = time.monotonic()
@@ -59,8 +72,7 @@ def main(name, runs):
         for direction, targets, beyond in (("+", TARGETS, TARGETS[0] - 5), ("-", TARGETS[::-1], TARGETS[-1] + 5)):
             go(beyond)
             for target in targets:
-                go(target)
-                for axis, true in zip(AXES, true_positions()):
+                for axis, true in zip(AXES, go(target)):
                     deviation = true - target + noise.gauss(0, NOISE)
                     rows[axis].append(f"{axis},{target},{direction},{run + 1},{deviation:.6f},{time.monotonic() - begun:.3f}")
     for axis in AXES:

@@ -263,8 +263,7 @@ fn klipper_goes_where_it_is_sent() {
             [0, 1, 2].map(|axis| moved[axis] / signed(sign, old[axis], turns[axis]) * old[axis])
         });
         assert!(
-            text.contains("\n[skew_correction]\n")
-                && text.ends_with("\n#*# end\n"),
+            text.contains("\n[skew_correction]\n") && text.ends_with("\n#*# end\n"),
             "{text}"
         );
         assert!(
