@@ -1,11 +1,13 @@
 //! What each maker's machine loads.
 
 mod firmware;
+mod iso230;
 mod klipper;
 mod linuxcnc;
 mod linuxcnc_hal;
 mod origin;
 mod robot;
+mod sinumerik;
 mod table;
 
 use crate::job::Format;
@@ -15,6 +17,8 @@ pub const FORMATS: &[&Format] = &[
     &linuxcnc::INI,
     &linuxcnc::COMP,
     &linuxcnc_hal::HAL,
+    &sinumerik::ENC_COMP,
+    &iso230::ISO_230,
     &robot::URDF,
     &robot::UR_KINEMATICS,
     &robot::ROBOT_CALIBRATION,

@@ -33,6 +33,8 @@ pub struct Request<'a> {
     pub axis: Option<&'a str>,
     /// Places of a table; `None`: as many as its causes need.
     pub points: Option<usize>,
+    /// From where to where a table goes, mm or degrees.
+    pub travel: [Option<f64>; 2],
     /// The robot description.
     pub urdf: Option<&'a File>,
     /// The machine's settings as they are now.
@@ -71,6 +73,24 @@ impl Job<'_> {
             option: "--current FILE",
             what,
         })
+    }
+
+    /// From where to where a table goes, m or rad: as asked for, in `unit` for each of these, else where the causes were measured.
+    pub(crate) fn travel(&self, unit: f64) -> Result<[f64; 2], CureError> {
+        let measured = |name: &str| {
+            self.causes
+                .iter()
+                .find_map(|cause| Some(cause.parameter(name)?.value))
+        };
+        let [from, to] = self.request.travel.map(|end| end.map(|end| end / unit));
+        match (from.or(measured("from")), to.or(measured("to"))) {
+            (Some(from), Some(to)) => Ok([from, to]),
+            _ => Err(CureError::Missing {
+                format: self.request.format.name,
+                option: "--from and --to",
+                what: "the travel of the axis, mm or degrees",
+            }),
+        }
     }
 
     /// The robot description.

@@ -45,6 +45,37 @@ pub(crate) fn places(
     )))
 }
 
+/// The same, evenly spaced: on the grid of a table of the report where there is one.
+///
+/// # Errors
+/// As [`places`].
+pub(crate) fn even_places(
+    causes: &[Cause],
+    [low, high]: [f64; 2],
+    number: Option<usize>,
+    most: usize,
+) -> Result<Vec<f64>, CureError> {
+    let grids = causes.iter().filter_map(|cause| {
+        let needed = needed(cause, [low, high]);
+        let [first, second, ..] = needed.as_slice() else {
+            return None;
+        };
+        Some((*first, second - first))
+    });
+    let finest = grids.min_by(|one, other| one.1.total_cmp(&other.1));
+    let (None, Some((first, step))) = (number, finest) else {
+        return places(&[], [low, high], number, most);
+    };
+    let from = ((low - first) / step - SAME).ceil();
+    let count = ((high - first) / step + SAME).floor() - from + 1.0;
+    if !(2.0..=most as f64).contains(&count) {
+        return places(&[], [low, high], Some(count.clamp(0.0, 1e9) as usize), most);
+    }
+    Ok((0..count as usize)
+        .map(|index| first + (from + index as f64) * step)
+        .collect())
+}
+
 /// So many evenly spaced places.
 fn even(low: f64, high: f64, number: usize) -> Vec<f64> {
     let last = number.saturating_sub(1).max(1) as f64;

@@ -57,6 +57,7 @@ pub(crate) fn written<'a>(
         only: &[],
         axis: None,
         points: None,
+        travel: [None; 2],
         urdf: None,
         current: None,
     };

@@ -5,6 +5,7 @@
 //!   known       machines whose errors are known, drawn at random, and their reports
 //!   robot       robot descriptions, by the chain of the crate `machine`
 //!   firmware    Klipper, GRBL, Marlin, RepRapFirmware, by their public formulas
+//!   tables      compensation of a control, ISO 230-2
 //!   linuxcnc    INI and compensation table, by the formulas of LinuxCNC's manual
 //! ```
 
@@ -13,3 +14,4 @@ mod firmware;
 mod known;
 mod linuxcnc;
 mod robot;
+mod tables;

@@ -37,6 +37,12 @@ pub(crate) struct Arguments {
     /// Number of places of a table; default: as many as the causes need.
     #[arg(long, requires = "format")]
     points: Option<usize>,
+    /// Where a table begins, mm or degrees; default: where the axis was measured.
+    #[arg(long, requires = "format", allow_hyphen_values = true)]
+    from: Option<f64>,
+    /// Where a table ends, mm or degrees; default: where the axis was measured.
+    #[arg(long, requires = "format", allow_hyphen_values = true)]
+    to: Option<f64>,
     /// Robot description against which the machine was measured; default: that of the recording.
     #[arg(long, value_name = "FILE", requires = "format")]
     urdf: Option<PathBuf>,
@@ -72,6 +78,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         only: &arguments.only,
         axis: arguments.axis.as_deref(),
         points: arguments.points,
+        travel: [arguments.from, arguments.to],
         urdf: urdf.as_ref(),
         current: current.as_ref(),
     })?;
