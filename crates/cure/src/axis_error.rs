@@ -87,7 +87,7 @@ fn specimen(axis: &str, turns: bool) -> Result<Observations, CureError> {
     pose.orientation.w = 1.0;
     let touched = InspectionPoint {
         position: point(1.0, -radius),
-        normal: normal.clone(),
+        normal,
         operation: -1,
         feed: 1e-3,
         ..InspectionPoint::default()

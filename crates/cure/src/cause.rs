@@ -25,6 +25,18 @@ pub(crate) struct Cause {
     pub(crate) joint_zero: Option<JointZero>,
 }
 
+/// An effect that is not written.
+#[derive(Debug, Clone)]
+pub(crate) struct Refused {
+    /// Identifier of the vocabulary.
+    pub(crate) effect: String,
+    /// Why not.
+    pub(crate) why: String,
+}
+
+/// What a report says of one of its effects.
+pub(crate) type Judged = Result<Cause, Refused>;
+
 impl Cause {
     /// Identifier of its kind, such as `axis.<A>.scale`.
     pub(crate) fn kind(&self) -> &'static str {
@@ -75,16 +87,13 @@ pub(crate) fn kind(name: &str) -> &'static str {
     registry::find(name).map_or("", |(effect, _)| effect.id())
 }
 
-/// What a report says of each of its effects: a cause that may be written, or the name of the effect and why not.
+/// What a report says of each of its effects: a cause that may be written, or why not.
 ///
 /// `members` are those of groups of equals that a person has chosen.
 ///
 /// # Errors
 /// [`CureError::Report`] for a report that is not of touches, and for a member of no group.
-pub(crate) fn causes(
-    report: &Report,
-    members: &[String],
-) -> Result<Vec<Result<Cause, (String, String)>>, CureError> {
+pub(crate) fn causes(report: &Report, members: &[String]) -> Result<Vec<Judged>, CureError> {
     if report.channel != "touch" || report.gap.unit != "m" {
         return Err(CureError::Report(format!(
             "the report of {} is on the channel {}: only causes that displace a touch are written into a machine",
@@ -121,8 +130,13 @@ fn group(effect: &Effect) -> Vec<String> {
     all
 }
 
-fn judged(report: &Report, effect: &Effect, members: &[String]) -> Result<Cause, (String, String)> {
-    let refused = |name: &str, why: String| Err((name.to_owned(), why));
+fn judged(report: &Report, effect: &Effect, members: &[String]) -> Judged {
+    let refused = |name: &str, why: String| {
+        Err(Refused {
+            effect: name.to_owned(),
+            why,
+        })
+    };
     let group = group(effect);
     let chosen = members.iter().find(|name| group.contains(name));
     let name = chosen.unwrap_or(&effect.effect);

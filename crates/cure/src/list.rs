@@ -3,7 +3,7 @@
 use diagnosis::Report;
 
 use crate::CureError;
-use crate::cause::{causes, kind};
+use crate::cause::{Cause, Judged, Refused, causes, kind};
 use crate::formats::FORMATS;
 
 /// One cause in the list.
@@ -27,10 +27,10 @@ pub struct Line {
 /// [`CureError::Report`] for a report that is not of touches, and for a member of no group.
 pub fn lines(report: &Report, members: &[String]) -> Result<Vec<Line>, CureError> {
     let judged = causes(report, members)?;
-    let of = |(effect, judged): (&diagnosis::report::Effect, _)| {
+    let of = |(effect, judged): (&diagnosis::report::Effect, Judged)| {
         let (name, refused) = match judged {
-            Ok(crate::cause::Cause { name, .. }) => (name, None),
-            Err((name, why)) => (name, Some(why)),
+            Ok(Cause { name, .. }) => (name, None),
+            Err(Refused { effect, why }) => (effect, Some(why)),
         };
         let holds = FORMATS
             .iter()

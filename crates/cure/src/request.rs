@@ -3,7 +3,7 @@
 use sha2::{Digest, Sha256};
 
 use crate::CureError;
-use crate::cause::{causes, kind};
+use crate::cause::{Judged, Refused, causes, kind};
 use crate::job::{Job, Request};
 
 /// SHA-256 of a text, in hexadecimal digits.
@@ -20,9 +20,9 @@ pub fn digest(text: &[u8]) -> String {
 pub fn write(request: &Request<'_>) -> Result<String, CureError> {
     let format = request.format;
     let judged = causes(request.report, request.members)?;
-    let name = |one: &Result<crate::cause::Cause, (String, String)>| match one {
+    let name = |one: &Judged| match one {
         Ok(cause) => cause.name.clone(),
-        Err((name, _)) => name.clone(),
+        Err(refused) => refused.effect.clone(),
     };
     let names: Vec<String> = judged.iter().map(name).collect();
     if let Some(other) = request.only.iter().find(|only| !names.contains(only)) {
@@ -46,10 +46,12 @@ pub fn write(request: &Request<'_>) -> Result<String, CureError> {
             Ok(cause) => job
                 .stays
                 .push(format!("{}: {} does not hold it", cause.name, format.name)),
-            Err((effect, why)) if wanted(&effect) && format.holds.contains(&kind(&effect)) => {
+            Err(Refused { effect, why })
+                if wanted(&effect) && format.holds.contains(&kind(&effect)) =>
+            {
                 return Err(CureError::Refused { effect, why });
             }
-            Err((effect, why)) => job.stays.push(format!("{effect}: {why}")),
+            Err(Refused { effect, why }) => job.stays.push(format!("{effect}: {why}")),
         }
     }
     if job.causes.is_empty() {

@@ -76,7 +76,7 @@ fn grbl(job: &Job<'_>) -> Result<String, CureError> {
 
 fn marlin(job: &Job<'_>) -> Result<String, CureError> {
     let file = job.current("what M503 says, as it was when the machine was measured")?;
-    let mut set = Lines::of(job, file);
+    let mut set = Sent::of(job, file);
     set.scales()?;
     set.backlash(" F1")?;
     if set.has_skew() {
@@ -90,7 +90,7 @@ fn marlin(job: &Job<'_>) -> Result<String, CureError> {
 
 fn duet(job: &Job<'_>) -> Result<String, CureError> {
     let file = job.current("the config.g with which the machine was measured")?;
-    let mut set = Lines::of(job, file);
+    let mut set = Sent::of(job, file);
     set.scales()?;
     set.backlash("")?;
     if set.has_skew() {
@@ -127,7 +127,7 @@ fn wrong(file: &File, what: &str) -> CureError {
 }
 
 /// Lines that are sent, with those that undo them.
-struct Lines<'a> {
+struct Sent<'a> {
     job: &'a Job<'a>,
     file: &'a File,
     changes: Vec<Change>,
@@ -135,7 +135,7 @@ struct Lines<'a> {
     undo: Vec<String>,
 }
 
-impl<'a> Lines<'a> {
+impl<'a> Sent<'a> {
     fn of(job: &'a Job<'a>, file: &'a File) -> Self {
         Self {
             job,

@@ -206,7 +206,7 @@ fn joint(settings: &Settings<'_>, axis: &str) -> Result<String, CureError> {
     let letters = coordinates
         .unwrap_or_default()
         .chars()
-        .filter(|sign| sign.is_ascii_alphabetic());
+        .filter(char::is_ascii_alphabetic);
     let letters: Vec<String> = letters
         .map(|letter| letter.to_ascii_uppercase().to_string())
         .collect();

@@ -25,16 +25,15 @@ pub(crate) fn places(
             "the travel from {low} to {high} m holds no table"
         )));
     }
-    let all = match number {
-        Some(number) => even(low, high, number),
-        None => {
-            let mut all = vec![low, high];
-            all.extend(causes.iter().flat_map(|cause| needed(cause, [low, high])));
-            all.retain(|place| (low..=high).contains(place));
-            all.sort_by(f64::total_cmp);
-            all.dedup_by(|one, other| (*one - *other).abs() <= SAME * (high - low));
-            all
-        }
+    let all = if let Some(number) = number {
+        even(low, high, number)
+    } else {
+        let mut all = vec![low, high];
+        all.extend(causes.iter().flat_map(|cause| needed(cause, [low, high])));
+        all.retain(|place| (low..=high).contains(place));
+        all.sort_by(f64::total_cmp);
+        all.dedup_by(|one, other| (*one - *other).abs() <= SAME * (high - low));
+        all
     };
     if (2..=most).contains(&all.len()) {
         return Ok(all);

@@ -44,7 +44,7 @@ fn a_table_takes_scale_pitch_and_backlash_away() {
         let seen = |at: f64, direction: f64| machine(at + 0.0025 * direction, direction) - at;
         let ini = file("mill.ini", INI);
         let text = written(&report(&axis.effects("Y")), "linuxcnc-comp", |ask| {
-            ask.current = Some(&ini)
+            ask.current = Some(&ini);
         });
         let table = Comp::read(&text.expect("a table"));
         assert!(
@@ -95,7 +95,7 @@ fn the_ini_takes_scale_and_backlash_away() {
         let mut effects = axis.effects("Y");
         effects.remove(1);
         let text = written(&report(&effects), "linuxcnc-ini", |ask| {
-            ask.current = Some(&ini)
+            ask.current = Some(&ini);
         })
         .expect("an INI");
         let (scale, backlash) = (

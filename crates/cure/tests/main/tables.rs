@@ -86,7 +86,7 @@ fn a_wave_has_points_enough() {
         ],
     );
     let text = written(&report(&[wave]), "sinumerik-enc-comp", |ask| {
-        ask.travel = [Some(0.0), Some(100.0)]
+        ask.travel = [Some(0.0), Some(100.0)];
     })
     .expect("a program");
     let table = EncComp::read(&text);
@@ -104,7 +104,7 @@ fn a_wave_has_points_enough() {
         ],
     );
     let text = written(&report(&[turned]), "sinumerik-enc-comp", |ask| {
-        ask.travel = [Some(0.0), Some(360.0)]
+        ask.travel = [Some(0.0), Some(360.0)];
     })
     .expect("a program");
     let table = EncComp::read(&text);
