@@ -54,6 +54,13 @@ pub fn write(request: &Request<'_>) -> Result<String, CureError> {
             Err(Refused { effect, why }) => job.stays.push(format!("{effect}: {why}")),
         }
     }
+    let declared = request.report.declared.iter();
+    job.stays.extend(declared.map(|one| {
+        format!(
+            "{}: declared in the model of the cell, so that the report is without it",
+            one.effect
+        )
+    }));
     if job.causes.is_empty() {
         if let [only] = request.only
             && let Some(stay) = job

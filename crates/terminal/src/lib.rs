@@ -181,6 +181,25 @@ pub fn document(text: &str, file: Option<&Path>) -> anyhow::Result<()> {
     fs::write(file, text).with_context(|| format!("cannot write {}", file.display()))
 }
 
+/// Writes a document to a file that must not exist; true where it did, false where it went to standard output (no file, or `-`).
+///
+/// # Errors
+/// A file that exists, or that cannot be written.
+pub fn new_document(text: &str, file: Option<&Path>) -> anyhow::Result<bool> {
+    let Some(file) = file.filter(|file| *file != Path::new("-")) else {
+        bytes(text.as_bytes());
+        return Ok(false);
+    };
+    let made = fs::File::create_new(file).with_context(|| {
+        let name = file.display();
+        format!("cannot write {name}: name a file that does not exist")
+    });
+    made?
+        .write_all(text.as_bytes())
+        .with_context(|| format!("cannot write {}", file.display()))?;
+    Ok(true)
+}
+
 /// Prints one JSON document, indented.
 ///
 /// # Errors

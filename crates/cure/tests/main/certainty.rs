@@ -162,3 +162,21 @@ fn a_report_on_another_channel_is_refused() {
             .contains("on the channel time")
     );
 }
+
+/// What the cell's model declares is not in the report, though it is in the machine.
+#[test]
+fn what_is_declared_is_said_to_stay() {
+    let scale = effect("axis.X.scale", &[parameter("k", 1e-4, "m/m")]);
+    let mut report = report(&[scale]);
+    let declared = json!([{"effect": "axis.Y.scale", "parameters": [parameter("k", 1e-4, "m/m")]}]);
+    report.declared = serde_json::from_value(declared).expect("declared");
+    let current = file("mill.ini", INI);
+    let text = written(&report, "linuxcnc-ini", |ask| {
+        ask.current = Some(&current);
+    });
+    let text = text.expect("written");
+    assert!(
+        text.contains("# not in this file: axis.Y.scale: declared in the model of the cell"),
+        "{text}"
+    );
+}

@@ -1,6 +1,6 @@
 //! LinuxCNC's files, read by the formulas of its manual (integrator, "INI configuration", section JOINT).
 
-use crate::known::{Axis, DRAWS, file, proves, random, report, rms, written};
+use crate::known::{Axis, DRAWS, effect, file, parameter, proves, random, report, rms, written};
 
 const INI: &str = "[KINS]\nKINEMATICS = trivkins coordinates=xyz\n[TRAJ]\nLINEAR_UNITS = mm\n# of the second joint\n\
 [JOINT_1]\nMIN_LIMIT = -250\nMAX_LIMIT = 250\nSCALE = 1600 # steps per mm\nBACKLASH = 0.005\n[JOINT_2]\nSCALE = 800\n";
@@ -171,4 +171,51 @@ fn what_the_ini_cannot_hold_is_named() {
     assert!(of(&tabled, &axis.effects("Y")[2..], "linuxcnc-ini").contains("ignores BACKLASH"));
     let none = written(&report(scale), "linuxcnc-ini", |_| ()).expect_err("refused");
     assert!(none.contains("linuxcnc-ini needs --current FILE"), "{none}");
+}
+
+/// `tests/interop/linuxcnc/cure.sh` proves on the controller what a HAL file does; here, what it cannot be made of.
+#[test]
+fn a_hal_file_that_cannot_be_changed_is_named() {
+    let urdf = file(
+        "mill.urdf",
+        include_str!("../../../../launch-scripts/three_axis.urdf"),
+    );
+    let skew = effect("link.EC0Y", &[parameter("e", -4e-4, "rad")]);
+    let report = report(&[skew]);
+    let of = |text: &str| {
+        let hal = file("mill.hal", text);
+        written(&report, "linuxcnc-hal", |ask| {
+            ask.current = Some(&hal);
+            ask.urdf = Some(&urdf);
+        })
+    };
+    let nets = ["x", "y", "z"].iter().enumerate().map(|(joint, axis)| {
+        format!("net {axis}-cmd joint.{joint}.motor-pos-cmd => drive.{joint}.cmd\nnet {axis}-fb drive.{joint}.fb => joint.{joint}.motor-pos-fb\n")
+    });
+    let good = format!(
+        "addf motion-command-handler servo\naddf motion-controller servo\n{}",
+        nets.collect::<Vec<_>>().concat()
+    );
+    let text = of(&good).expect("written");
+    assert!(text.contains("x per y: none -> 0.00039999999\n"), "{text}");
+    assert!(
+        text.contains("net x-cmd skew-x.out => drive.0.cmd\n")
+            && text.contains("setp skew-xy.gain1 -0.00039999"),
+        "{text}"
+    );
+    assert!(
+        of(&good.replace("joint.1.motor-pos-fb", "other"))
+            .expect_err("refused")
+            .contains("joint.1.motor-pos-fb stands in 0 lines net")
+    );
+    assert!(
+        of(&good.replace("addf motion-controller", "# addf motion-controller"))
+            .expect_err("refused")
+            .contains("no line is addf motion-controller THREAD")
+    );
+    assert!(
+        of(&format!("loadrt sum2 count=1\n{good}"))
+            .expect_err("refused")
+            .contains("loads sum2 already")
+    );
 }

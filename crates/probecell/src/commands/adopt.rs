@@ -5,7 +5,7 @@
 
 use std::{
     fs,
-    io::{Read, Write},
+    io::Write,
     path::{Path, PathBuf},
 };
 
@@ -13,6 +13,7 @@ use anyhow::{Context, bail};
 use cell::{Adopted, Cell, CellText};
 use diagnosis::{DeclaredEffect, Report};
 
+use super::gap_report;
 use crate::{DEFAULT_CELL, GOOD, output};
 
 /// What the user asks for.
@@ -53,7 +54,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         };
         output::line(&format!("removed {name} from the declared model{times}"));
     } else if let Some(path) = &arguments.report {
-        let found = read(path)?;
+        let (found, _) = gap_report::read(path)?;
         if found.channel == "time" {
             return adopt_motion(&cell, &found, arguments);
         }
@@ -95,27 +96,6 @@ fn adopt_motion(cell: &Cell, found: &Report, arguments: &Arguments) -> anyhow::R
         ));
     }
     Ok(GOOD)
-}
-
-fn read(path: &Path) -> anyhow::Result<Report> {
-    let mut text = String::new();
-    if path == Path::new("-") {
-        std::io::stdin().read_to_string(&mut text)?;
-    } else {
-        text = fs::read_to_string(path)
-            .with_context(|| format!("cannot read the report {}", path.display()))?;
-    }
-    let found: Report = serde_json::from_str(&text)
-        .with_context(|| format!("{} is not a single gap report", path.display()))?;
-    if found.schema != diagnosis::report::SCHEMA {
-        bail!(
-            "{} has the schema {:?}, not {:?}",
-            path.display(),
-            found.schema,
-            diagnosis::report::SCHEMA
-        );
-    }
-    Ok(found)
 }
 
 /// Replaces the cell file, completely or not at all, if the new text is a valid cell file and no other program has

@@ -2,16 +2,14 @@
 //!
 //! Nothing is sent to a machine, and no file is written over another.
 
-use std::fs::{self, File as Opened};
-use std::io::{Read, Write};
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
-use clap::builder::PossibleValuesParser;
+use anyhow::Context;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use cure::{FORMATS, File, Format, Request};
-use diagnosis::{Options, Report};
 
-use super::diagnose;
+use super::gap_report;
 use crate::{GOOD, output};
 
 /// What the user asks for.
@@ -20,7 +18,7 @@ pub(crate) struct Arguments {
     /// Report of `probecell diagnose --json` (`-` for standard input), or a recording, which is diagnosed.
     source: PathBuf,
     /// What to write; without it each cause is listed with what mends it.
-    #[arg(long = "as", value_name = "FORMAT", value_parser = PossibleValuesParser::new(FORMATS.iter().map(|one| one.name)))]
+    #[arg(long = "as", value_name = "FORMAT", value_parser = formats())]
     format: Option<String>,
     /// File to write; must not exist. Without it, or with `-`, standard output.
     #[arg(long, value_name = "FILE", requires = "format")]
@@ -51,9 +49,15 @@ pub(crate) struct Arguments {
     current: Option<PathBuf>,
 }
 
+fn formats() -> PossibleValuesParser {
+    let formats = FORMATS.iter();
+    PossibleValuesParser::new(formats.map(|one| PossibleValue::new(one.name).help(one.about)))
+}
+
 /// Lists, or writes.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let (report, digest, recorded) = read(&arguments.source)?;
+    let (report, text, recorded) = gap_report::of(&arguments.source)?;
+    let digest = cure::digest(text.as_bytes());
     let Some(format) = &arguments.format else {
         let lines = cure::lines(&report, &arguments.members)?;
         output::line(&cure::table(&report, &lines));
@@ -63,12 +67,11 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let format: &'static Format = formats
         .find(|one| one.name == format)
         .context("no format")?;
-    let urdf = arguments
-        .urdf
-        .as_deref()
-        .map(file)
-        .transpose()?
-        .or(recorded);
+    let given = arguments.urdf.as_deref().map(file).transpose()?;
+    let urdf = given.or(recorded.map(|text| File {
+        name: format!("the robot description of {}", arguments.source.display()),
+        text,
+    }));
     let current = arguments.current.as_deref().map(file).transpose()?;
     let text = cure::write(&Request {
         report: &report,
@@ -82,65 +85,14 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         urdf: urdf.as_ref(),
         current: current.as_ref(),
     })?;
-    match arguments
-        .out
-        .as_deref()
-        .filter(|out| *out != Path::new("-"))
-    {
-        None => output::bytes(text.as_bytes()),
-        Some(out) => {
-            let made = Opened::create_new(out);
-            let cannot = || {
-                format!(
-                    "cannot write {}: name a file that does not exist",
-                    out.display()
-                )
-            };
-            made.and_then(|mut file| file.write_all(text.as_bytes()))
-                .with_context(cannot)?;
-            output::line(&format!("wrote {}: {}", out.display(), format.about));
-        }
+    let out = arguments.out.as_deref();
+    if terminal::new_document(&text, out)? {
+        output::line(&format!(
+            "wrote {}",
+            out.unwrap_or(Path::new("-")).display()
+        ));
     }
     Ok(GOOD)
-}
-
-/// A report with the digest of its text, or the diagnosis of a recording with its robot description.
-fn read(source: &Path) -> anyhow::Result<(Report, String, Option<File>)> {
-    let is_report = source == Path::new("-") || source.extension().is_some_and(|end| end == "json");
-    if !is_report {
-        let session = diagnose::read(source, &diagnose::Arguments::default())?;
-        let report = diagnosis::diagnose(&session, &Options::default())?;
-        let name = format!("the robot description of {}", source.display());
-        let text = serde_json::to_string_pretty(&report)? + "\n";
-        let urdf = File {
-            name,
-            text: session.robot_description,
-        };
-        return Ok((report, cure::digest(text.as_bytes()), Some(urdf)));
-    }
-    let mut text = String::new();
-    if source == Path::new("-") {
-        std::io::stdin().read_to_string(&mut text)?;
-    } else {
-        text = fs::read_to_string(source)
-            .with_context(|| format!("cannot read the report {}", source.display()))?;
-    }
-    let not = || format!("{} is not a single gap report", source.display());
-    let mut value: serde_json::Value = serde_json::from_str(&text).with_context(not)?;
-    // Of no use here, and a limit that is open is null in it.
-    if let Some(next) = value.get_mut("next_measurement") {
-        *next = serde_json::Value::Array(Vec::new());
-    }
-    let report: Report = serde_json::from_value(value).with_context(not)?;
-    if report.schema != diagnosis::report::SCHEMA {
-        bail!(
-            "{} has the schema {:?}, not {:?}",
-            source.display(),
-            report.schema,
-            diagnosis::report::SCHEMA
-        );
-    }
-    Ok((report, cure::digest(text.as_bytes()), None))
 }
 
 fn file(path: &Path) -> anyhow::Result<File> {

@@ -12,6 +12,7 @@ mod diagnose_time;
 pub(crate) mod doctor;
 pub(crate) mod export;
 pub(crate) mod external;
+mod gap_report;
 pub(crate) mod identifiability;
 pub(crate) mod import;
 pub(crate) mod info;

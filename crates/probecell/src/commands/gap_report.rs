@@ -1,0 +1,50 @@
+//! A gap report as `probecell diagnose --json` has printed it, or of a recording.
+
+use std::fs;
+use std::io::Read;
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use diagnosis::{Options, Report};
+use serde_json::Value;
+
+use super::diagnose;
+
+/// The report of a file (`.json`, or `-`) and its text; or the diagnosis of a recording, and its robot description.
+pub(super) fn of(source: &Path) -> anyhow::Result<(Report, String, Option<String>)> {
+    if source == Path::new("-") || source.extension().is_some_and(|end| end == "json") {
+        let (report, text) = read(source)?;
+        return Ok((report, text, None));
+    }
+    let session = diagnose::read(source, &diagnose::Arguments::default())?;
+    let report = diagnosis::diagnose(&session, &Options::default())?;
+    let text = serde_json::to_string_pretty(&report)? + "\n";
+    Ok((report, text, Some(session.robot_description)))
+}
+
+/// The report of a file, or of standard input (`-`), and its text.
+pub(super) fn read(path: &Path) -> anyhow::Result<(Report, String)> {
+    let mut text = String::new();
+    if path == Path::new("-") {
+        std::io::stdin().read_to_string(&mut text)?;
+    } else {
+        text = fs::read_to_string(path)
+            .with_context(|| format!("cannot read the report {}", path.display()))?;
+    }
+    let is_none = || format!("{} is not a single gap report", path.display());
+    let mut value: Value = serde_json::from_str(&text).with_context(is_none)?;
+    // Of no use to who reads a report, and JSON has no number for the limit of a feature that is open.
+    if let Some(next) = value.get_mut("next_measurement") {
+        *next = Value::Array(Vec::new());
+    }
+    let report: Report = serde_json::from_value(value).with_context(is_none)?;
+    if report.schema != diagnosis::report::SCHEMA {
+        bail!(
+            "{} has the schema {:?}, not {:?}",
+            path.display(),
+            report.schema,
+            diagnosis::report::SCHEMA
+        );
+    }
+    Ok((report, text))
+}
