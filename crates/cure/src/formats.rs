@@ -5,6 +5,7 @@ mod iso230;
 mod klipper;
 mod linuxcnc;
 mod linuxcnc_hal;
+mod linuxcnc_tool;
 mod origin;
 mod robot;
 mod sinumerik;
@@ -17,6 +18,7 @@ pub const FORMATS: &[&Format] = &[
     &linuxcnc::INI,
     &linuxcnc::COMP,
     &linuxcnc_hal::HAL,
+    &linuxcnc_tool::TOOL,
     &sinumerik::ENC_COMP,
     &iso230::ISO_230,
     &robot::URDF,

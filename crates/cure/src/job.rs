@@ -31,6 +31,8 @@ pub struct Request<'a> {
     pub only: &'a [String],
     /// The axis, for a format that holds one.
     pub axis: Option<&'a str>,
+    /// Number of the probe in a tool table; `None`: the tool whose remark says so.
+    pub tool: Option<u32>,
     /// Places of a table; `None`: as many as its causes need.
     pub points: Option<usize>,
     /// From where to where a table goes, mm or degrees.

@@ -132,17 +132,20 @@ for axis in "XYZ":
 raise SystemExit(not good)
 P
 
-# The machine that is out of square: an R-test over a grid.
+# The machine that is out of square: an R-test over a grid. Its probe is longer than the tool table says, and its ball larger.
 cp "$here/../../../launch-scripts/three_axis.urdf" .
 sheared() { # NAME INI: the machine with that INI, measured and diagnosed
     "$here/start.sh" "$scratch" "$2" >/dev/null
     for pair in artefact=0 sq-xy=0.0004 sq-xz=-0.0003 sq-yz=0.00025; do halcmd setp "ommprobe.0.${pair%%=*}" "${pair#*=}"; done
-    (cd "$scratch" && python3 "$here/../../kit" limit 120 -- python3 "$here/r_test.py" "$1.csv")
+    python3 "$here/../../kit" limit 120 -- python3 "$here/r_test.py" "$1.csv"
+    python3 "$here/../../kit" limit 60 -- python3 "$here/probe_test.py" "$1_probe.csv"
     "$here/stop.sh" "$scratch"
     "$probecell" import readings "$1.csv" --test r-test --units length=mm,deviation=mm --urdf three_axis.urdf --out "$1" >import.txt 2>&1 ||
         { cat import.txt; exit 1; }
     "$probecell" diagnose "$1" --json >"$1.json"
 }
+printf 'T1   P1   D+6.000000 Z+50.000000 ;probe\nT2   P2   D+10.000000 Z+50.000000 ;endmill\n' >omm3.tbl
+cp omm3.tbl square.tbl
 sheared square square.ini
 members=(--member link.EC0Y --member link.EB0Y --member link.EA0Z)
 "$probecell" cure square.json "${members[@]}"
@@ -150,15 +153,45 @@ members=(--member link.EC0Y --member link.EB0Y --member link.EA0Z)
 sed '/^setp .*skew/s/gain1 /gain1 -/; s/gain1 --/gain1 /' cured.hal >wrong.hal
 for name in cured wrong; do sed "s/omm3.hal/$name.hal/" omm3.ini >"$name.square.ini"; done
 sed -i '/^SCALE = /d' cured.square.ini wrong.square.ini
+# What touches in several attitudes would find of the probe.
+python3 - <<'P'
+import json
+def effect(name, parameter, value):
+    return {"effect": name, "probability": 1.0, "parameters": [{"name": parameter, "value": value, "unit": "m", "ci95": [value - 1e-6, value + 1e-6]}],
+            "rms_before": 4e-5, "rms_after": 1e-6, "ci95_after": [1e-6, 1e-6], "held_out": True, "indistinguishable_from": []}
+effects = [effect("probe.stylus_length", "dz", -0.040e-3), effect("probe.ball_radius", "dr", 0.015e-3)]
+report = json.load(open("square.json")) | {"effects": effects, "next_measurement": []}
+json.dump(report, open("probe.json", "w"))
+P
+"$probecell" cure probe.json --as linuxcnc-tool --current square.tbl --out cured.tbl
+python3 - <<'P'
+import re
+old, new = open("square.tbl").read(), open("cured.tbl").read()
+for letter in "ZD":
+    before, after = (float(re.search(rf"(?m)^T1 .*{letter}([-+.0-9]+)", text).group(1)) for text in (old, new))
+    old = re.sub(rf"(?m)^(T1 .*{letter})[-+.0-9]+", rf"\g<1>{2 * before - after:.6f}", old)
+open("wrong.tbl", "w").write(old)
+P
+cp cured.tbl omm3.tbl
 sheared square_after cured.square.ini
+cp wrong.tbl omm3.tbl
 sheared square_wrong wrong.square.ini
-python3 - <<'P' || { echo "FAILED: the cure of skew"; cat cured.hal; exit 1; }
+python3 - <<'P' || { echo "FAILED: the cure of skew or probe"; cat cured.hal cured.tbl; exit 1; }
 import csv, math
 def rms(name):
     errors = [float(row[key]) for row in csv.DictReader(open(f"{name}.csv")) for key in ("dx", "dy", "dz")]
     return 1e3 * math.sqrt(sum(error**2 for error in errors) / len(errors))
 before, after, wrong = (rms(name) for name in ("square", "square_after", "square_wrong"))
 print(f"  squareness: gap {before:.2f} µm, became {after:.2f} µm; with the opposite sign {wrong:.2f} µm")
-raise SystemExit(not (after < 1.3 * 0.5 and abs(wrong / before - 2) < 0.05))
+good = after < 1.3 * 0.5 and abs(wrong / before - 2) < 0.05
+def probe(name):
+    of = {row["face"]: 1e3 * float(row["deviation"]) for row in csv.DictReader(open(f"{name}_probe.csv"))}
+    # From both sides a shear cancels.
+    return of["top"], (of["right"] + of["left"]) / 2
+before, after, wrong = (probe(name) for name in ("square", "square_after", "square_wrong"))
+for place, what in enumerate(("from above", "from both sides")):
+    print(f"  probe {what}: {before[place]:.2f} µm, became {after[place]:.2f} µm; with the opposite sign {wrong[place]:.2f} µm")
+    good &= abs(after[place]) < 1.5 and abs(wrong[place] / before[place] - 2) < 0.1
+raise SystemExit(not good)
 P
 echo "from cause to cure on LinuxCNC: good"

@@ -56,6 +56,7 @@ pub(crate) fn written<'a>(
         members: &[],
         only: &[],
         axis: None,
+        tool: None,
         points: None,
         travel: [None; 2],
         urdf: None,

@@ -219,3 +219,76 @@ fn a_hal_file_that_cannot_be_changed_is_named() {
             .contains("loads sum2 already")
     );
 }
+
+const TABLE: &str =
+    "T1   P1   D+6.000000 Z+50.000000 ;touch Probe\nT12  P2   D+10.000000 Z+49.999750 ;endmill\n";
+
+/// Length and diameter of a tool in a table.
+fn tool(text: &str, number: &str) -> [f64; 2] {
+    let line = text
+        .lines()
+        .find(|line| line.split_whitespace().next() == Some(number))
+        .expect("the tool");
+    ["Z", "D"].map(|letter| {
+        let word = line
+            .split_whitespace()
+            .find(|word| word.starts_with(letter))
+            .expect("the word");
+        word[1..].parse().expect("a number")
+    })
+}
+
+/// The contract's deviation of touches from above and from the side, of a probe whose ball is elsewhere and larger than the table says.
+#[test]
+fn the_tool_table_takes_length_and_radius_away() {
+    for seed in 0..DRAWS {
+        let mut random = random(seed);
+        let mut size = || rand::Rng::random_range(&mut random, 0.005..0.2);
+        let (dz, dr): (f64, f64) = (size() - 0.1, size());
+        let effects = [
+            effect("probe.stylus_length", &[parameter("dz", dz * 1e-3, "m")]),
+            effect("probe.ball_radius", &[parameter("dr", dr * 1e-3, "m")]),
+        ];
+        let table = file("tool.tbl", TABLE);
+        let text = written(&report(&effects), "linuxcnc-tool", |ask| {
+            ask.current = Some(&table);
+        });
+        let text = text.expect("a table");
+        // The probe hangs down 50 mm less dz, and its ball has 3 mm and dr.
+        let (length, radius) = (50.0 - dz, 3.0 + dr);
+        let deviations = |[told, diameter]: [f64; 2]| {
+            // Where the nose stands when the ball touches z = 0 from above; where the control then thinks its centre is.
+            let nose = radius + length;
+            let above = nose - told - 0.5 * diameter;
+            let aside = radius - 0.5 * diameter;
+            (above * above + aside * aside).sqrt()
+        };
+        let (old, new) = (tool(TABLE, "T1"), tool(&text, "T1"));
+        let reversed = [2.0 * old[0] - new[0], 2.0 * old[1] - new[1]];
+        proves(
+            "tool",
+            deviations(old),
+            deviations(new),
+            deviations(reversed),
+        );
+        assert_eq!(tool(TABLE, "T12"), tool(&text, "T12"));
+        assert!(
+            text.contains(" ;touch Probe\n") && text.contains("; undo: load tool.tbl again"),
+            "{text}"
+        );
+    }
+    let two = file("tool.tbl", &TABLE.replace("endmill", "probe 2"));
+    let report = report(&[effect("probe.ball_radius", &[parameter("dr", 1e-5, "m")])]);
+    let of = |number| {
+        written(&report, "linuxcnc-tool", |ask| {
+            ask.current = Some(&two);
+            ask.tool = number;
+        })
+    };
+    assert!(
+        of(None)
+            .expect_err("refused")
+            .contains("2 lines are of the probe: say which by --tool N")
+    );
+    assert_eq!(tool(&of(Some(12)).expect("written"), "T12")[1], 10.02);
+}

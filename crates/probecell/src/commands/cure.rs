@@ -32,6 +32,9 @@ pub(crate) struct Arguments {
     /// The axis, for a format that holds one.
     #[arg(long, requires = "format")]
     axis: Option<String>,
+    /// Number of the probe in a tool table; default: the tool whose remark says `probe`.
+    #[arg(long, value_name = "N", requires = "format")]
+    tool: Option<u32>,
     /// Number of places of a table; default: as many as the causes need.
     #[arg(long, requires = "format")]
     points: Option<usize>,
@@ -80,6 +83,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         members: &arguments.members,
         only: &arguments.only,
         axis: arguments.axis.as_deref(),
+        tool: arguments.tool,
         points: arguments.points,
         travel: [arguments.from, arguments.to],
         urdf: urdf.as_ref(),
