@@ -10,6 +10,9 @@ use crate::CureError;
 /// Least probability of a cause that is written.
 const PROBABLE: f64 = 0.95;
 
+/// An interval narrower than this share of its value is what rounding leaves of a constant.
+const CONSTANT: f64 = 1e-9;
+
 /// A cause that may be written.
 #[derive(Debug, Clone)]
 pub(crate) struct Cause {
@@ -212,7 +215,7 @@ fn vague(parameters: &[ParameterEstimate]) -> Option<String> {
     let unit = &parameters.first()?.unit;
     let width = |one: &ParameterEstimate| one.ci95[1] - one.ci95[0];
     let fitted: Vec<&ParameterEstimate> = (parameters.iter())
-        .filter(|one| one.unit == *unit && width(one) != 0.0)
+        .filter(|one| one.unit == *unit && width(one) > CONSTANT * one.value.abs())
         .collect();
     let norm = |of: &dyn Fn(&ParameterEstimate) -> f64| {
         let squares = fitted.iter().map(|one| of(one).powi(2));

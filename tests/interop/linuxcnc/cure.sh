@@ -97,7 +97,7 @@ refused "name a file that does not exist" before_Y.json --as linuxcnc-ini --curr
 "$probecell" cure before_Y.json --as linuxcnc-ini --current x.ini --out omm3_xy.ini
 "$probecell" cure before_Z.json --as linuxcnc-comp --current omm3_xy.ini --out z.comp
 sed 's/^\[JOINT_2\]$/&\nCOMP_FILE = z.comp\nCOMP_FILE_TYPE = 0/' omm3_xy.ini >cured.ini
-measure after cured.ini 2
+measure after cured.ini 1
 explain after
 
 # The same with the opposite sign, by another hand.

@@ -87,7 +87,7 @@ fn needed(cause: &Cause, [low, high]: [f64; 2]) -> Vec<f64> {
     let (from, to) = (cause.value("from"), cause.value("to"));
     match cause.kind() {
         "axis.<A>.positioning" => {
-            let spacings = cause.value("targets") as usize + 1;
+            let spacings = cause.value("targets").round() as usize + 1;
             let fine = if cause.value("cubic") > 0.5 {
                 PER_SPACING
             } else {
@@ -96,7 +96,7 @@ fn needed(cause: &Cause, [low, high]: [f64; 2]) -> Vec<f64> {
             even(from, to, spacings * fine + 1)
         }
         "axis.<A>.backlash" if cause.parameter("places").is_some() => {
-            even(from, to, cause.value("places") as usize)
+            even(from, to, cause.value("places").round() as usize)
         }
         "axis.<A>.cyclic" if cause.value("period") > 0.0 => {
             let steps = ((high - low) / cause.value("period") * PER_PERIOD).ceil();

@@ -180,3 +180,30 @@ fn what_is_declared_is_said_to_stay() {
         "{text}"
     );
 }
+
+/// The ends of a table are no part of its size, whatever rounding has left of their interval; nor is what rounding has left of a number.
+#[test]
+fn a_table_is_as_certain_as_its_errors() {
+    let table = |half: f64| {
+        let mut all = vec![
+            json!({"name": "e1", "value": 1e-5, "unit": "m", "ci95": [1e-5 - half, 1e-5 + half]}),
+        ];
+        all.push(json!({"name": "from", "value": -0.2, "unit": "m", "ci95": [-0.200_000_000_000_000_1, -0.2]}));
+        all.extend([
+            constant("to", 0.2, "m"),
+            constant("targets", 0.999_999_999_999_999, "1"),
+        ]);
+        report(&[effect("axis.X.positioning", &all)])
+    };
+    let of = |report: &diagnosis::Report| written(report, "iso230-csv", |_| ());
+    assert!(
+        of(&table(6e-6))
+            .expect_err("refused")
+            .contains("wider than the effect")
+    );
+    let text = of(&table(4e-6)).expect("written");
+    assert!(
+        text.contains("\nX,0.000000,10.000,10.000,10.000,0.000,4.000\n"),
+        "{text}"
+    );
+}

@@ -60,7 +60,7 @@ impl Effect for Backlash {
         constants: &Constants<'_>,
     ) -> Vec<Variant> {
         let travel = (constants.get("from", 0.0), constants.get("to", 1.0));
-        let places = (constants.get("places", PLACES as f64) as usize).clamp(2, MOST);
+        let places = (constants.get("places", PLACES as f64).round() as usize).clamp(2, MOST);
         let moving = self.on_joint(chain, of, |pose, axis| pose.speeds[axis]);
         let standing = self.standing(chain, of);
         let varying = self.varying(chain, of, travel, places);

@@ -105,7 +105,7 @@ impl Effect for Positioning {
         let number = constants.find(TARGET_COUNT);
         let targets = number.map_or_else(
             || (1..=MOST).take_while(is_declared).count().max(1),
-            |number| (number as usize).clamp(1, MOST),
+            |number| (number.round() as usize).clamp(1, MOST),
         );
         let table = Table {
             targets,
