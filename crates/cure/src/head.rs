@@ -18,7 +18,7 @@ pub(crate) struct Change {
 }
 
 impl Change {
-    /// What was is what stays without the cure.
+    /// One line: what, before, after, and the interval of after.
     fn line(&self) -> String {
         let before = self.before.map_or_else(|| "none".to_owned(), number);
         let interval = self.interval.map_or(String::new(), |[low, high]| {
