@@ -14,18 +14,44 @@ import re
 import shutil
 import time
 
-from pages import ADDRESS, ENDS, SAMPLES, Browser, Line, cell_file, fetch, metric, started, twin, wait
+from pages import ADDRESS, ENDS, SAMPLES, Browser, Line, cell_file, fetch, metric, micrometres, started, twin, wait
 from playwright.sync_api import sync_playwright
 from viewer import Viewer, compared, refused
 
 import kit
 from kit import until
+from kit.recordings import messages
 
 # What the tile of a cell has said, in order: a word that has come and gone before this process looked is among it.
 SAID = """(tile) => { window.said = []; new MutationObserver(() => {
     const now = document.querySelector(tile)?.innerText ?? '';
     if (now !== window.said.at(-1)) window.said.push(now);
 }).observe(document.body, { childList: true, subtree: true, characterData: true }); }"""
+
+
+# What a tile draws: the worst characteristic, its deviation, its limits, the gap over noise, the strip.
+TILE = """(tile) => { const one = document.querySelector(tile); return {
+    worst: one.querySelector('.verdict').title, error: one.querySelector('.verdict + b').textContent, bar: one.querySelector('.onto').getAttribute('aria-label'),
+    sizes: one.querySelector('.of-sizes .spark').getAttribute('aria-label'), gap: one.querySelector('.of-gap b').textContent,
+    strip: one.querySelector('.course-strip').getAttribute('aria-label') }; }"""
+
+
+def drawn(told, published):
+    """What the tile drew of the part is what the cell published."""
+    verdicts = published["verdicts"]
+    last = {one.feature_id: one for one in verdicts if one.plan_id == verdicts[-1].plan_id}
+    worst = max(last.values(), key=lambda one: abs(one.error) / one.tolerance)
+    assert told["worst"] == f"{worst.feature_id} qualified" and told["error"] == f"{micrometres(worst.error)} µm", (told, worst)
+    assert told["bar"].startswith(micrometres(worst.error)) and f"to {micrometres(worst.tolerance)} µm" in told["bar"], (told, worst)
+    (plan,) = [one for one in published["inspection_plan"][-1:] if one.plan_id == worst.plan_id]
+    limits = {one.id: (one.lower_tolerance, one.upper_tolerance) for one in plan.features if one.upper_tolerance > one.lower_tolerance}
+    results = [(one.size_deviation, *limits[one.feature_id]) for one in published["feature_results"] if one.plan_id == plan.plan_id and one.feature_id in limits]
+    used = max(abs(2 * size - upper - lower) / (upper - lower) for size, lower, upper in results)
+    assert f"now {100 * used:.0f} %" in told["sizes"], (told, used)
+    gap = published["gap_report"][-1]
+    assert told["gap"] == f"{gap.rms / gap.noise_floor:.1f}", (told, gap.rms, gap.noise_floor)
+    assert re.search(r"running [0-9.]+ s, measuring [0-9.]+ s", told["strip"]), told
+    print("hall: worst size, its limits, gap and strip on the tile are what the cell published")
 
 
 def live_cells(browser, folder, line):
@@ -80,6 +106,7 @@ def live_cells(browser, folder, line):
         assert "punch_1, qualified" in hall.evaluate(tile), hall.evaluate(tile)
         assert hall.evaluate("window.said.some((one) => one.includes('can be corrected'))"), hall.evaluate("window.said")
         print("hall: a verdict changed the tile")
+        told = hall.evaluate(TILE, "#tile-mill_a")
         asked.end()
         browser.audit("/", "hall")
         browser.audit("/?wall", "wall")
@@ -88,7 +115,7 @@ def live_cells(browser, folder, line):
         with browser.page(scripts=False) as plain:
             plain.goto(f"http://{ADDRESS}/")
             text = plain.inner_text("main")
-            assert "mill_a" in text and "punch_1, qualified" in text and "× noise" in text, text
+            assert "mill_a" in text and plain.locator("#tile-mill_a svg.spark").count() == 2 and plain.locator("#tile-mill_a .course-strip path").count() >= 2 and "punch_1, qualified" in text and "× noise" in text, text
             assert plain.locator("noscript meta[http-equiv=refresh], meta[http-equiv=refresh]").count() == 1
             plain.goto(f"http://{ADDRESS}/cell/mill_a")
             assert "Wear of tool 2" in plain.inner_text("#ledger") and plain.locator("#part svg g.touch").count() == 32
@@ -121,6 +148,7 @@ def live_cells(browser, folder, line):
         first.end()
         (bag,) = (folder / "recordings").glob("mill_a_*")
         compared(viewer, seen, bag, held_up)
+        drawn(told, messages(bag))
         return folder / "recordings"
 
 

@@ -117,6 +117,11 @@ def twin(sample, topic):
     return [(line["at_s"], line["message"]) for line in lines if line.get("topic") == topic]
 
 
+def micrometres(value):
+    """A length (m) as the pages write a difference, without its unit."""
+    return f"{abs(value) * 1e6:.1f}" if round(abs(value) * 1e7) == 0 else f"{'−' if value < 0 else '+'}{abs(value) * 1e6:.1f}"
+
+
 class Browser:
     """Pages in a scheme of colours and a width; every request is noted."""
 

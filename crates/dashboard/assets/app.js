@@ -10,12 +10,32 @@ const SILENCE_MS = 3000;
 /** After a touch of the screen, tiles stay where they are for this long. */
 const HOLD_MS = 30000;
 
+body.classList.add("scripted");
+
+/** Times of the server are of UTC; here they are of the viewer's zone, with UTC on hover. @param {ParentNode} root */
+function localise(root) {
+  for (const node of /** @type {NodeListOf<HTMLTimeElement>} */ (root.querySelectorAll("time[datetime]"))) {
+    const at = new Date(node.dateTime);
+    const told = node.textContent ?? "";
+    if (node.title || isNaN(at.getTime())) continue;
+    node.title = `${node.dateTime.replace("T", " ").replace("Z", "")} UTC`;
+    const local = new Date(at.getTime() - at.getTimezoneOffset() * 60000).toISOString();
+    // As exact as the server tells it: date and time, or time of day.
+    node.textContent = told.includes("-") ? local.slice(0, told.length).replace("T", " ") : local.slice(11, 11 + told.length);
+  }
+}
+
+localise(document);
+const zone = document.getElementById("zone");
+if (zone && new Date().getTimezoneOffset()) zone.textContent = "Times are of your zone, UTC on hover.";
+
 /** Puts the part with this id in place of the present one. @param {string} id @param {string} html */
 function put(id, html) {
   const template = document.createElement("template");
   template.innerHTML = html;
   const fresh = template.content.firstElementChild;
   if (!fresh) return;
+  localise(template.content);
   const old = document.getElementById(id);
   if (!old) {
     if (!fresh.classList.contains("tile")) return;
@@ -149,11 +169,12 @@ async function take(address) {
   const answer = await fetch(address);
   if (!answer.ok || number !== asked) return;
   const fresh = new DOMParser().parseFromString(await answer.text(), "text/html");
+  localise(fresh);
   const cards = fresh.querySelectorAll(".cards > .card");
   const at = document.getElementById("at");
   if (at && (!cards.length || !document.querySelector(".cards"))) at.replaceWith(/** @type {Node} */ (fresh.getElementById("at")));
   else cards.forEach((card) => put(card.id, card.outerHTML));
-  for (const id of ["instant"]) {
+  for (const id of ["instant", "sums", "tiles"]) {
     const node = fresh.getElementById(id);
     if (node) document.getElementById(id)?.replaceWith(node);
   }
@@ -163,9 +184,24 @@ async function take(address) {
   const stream = fresh.body.dataset.stream;
   if (stream && stream !== body.dataset.stream) {
     body.dataset.stream = stream;
+    wanted = null;
     follow();
   }
 }
+
+// --- choosing machines ------------------------------------------------------------------------------------------------
+
+const choose = /** @type {HTMLFormElement | null} */ (document.getElementById("choose"));
+let typed = 0;
+choose?.addEventListener("input", () => {
+  clearTimeout(typed);
+  typed = setTimeout(() => {
+    const address = new URLSearchParams(/** @type {any} */ (new FormData(choose)));
+    for (const [name, value] of [...address]) if (!value && name !== "dense") address.delete(name);
+    take(`/${address.size ? "?" : ""}${address}`);
+  }, 60);
+});
+choose?.addEventListener("submit", (event) => { event.preventDefault(); });
 
 addEventListener("click", (event) => {
   const target = /** @type {Element} */ (event.target).closest?.(".turn a, .timeline .steps a");

@@ -12,7 +12,7 @@ use std::io;
 use std::time::Duration;
 
 use axum::Router;
-use axum::extract::{Path, Query, RawQuery, Request, State};
+use axum::extract::{Path, Query, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::sse::Sse;
@@ -23,12 +23,13 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 
 use self::act::{key_page, offer, sign, token};
-use self::answer::{Look, missing, page};
+use self::answer::{Look, csv, missing, page};
 use self::recorded::{compare, diagnosis, download, machine, machines, report, session, sessions};
 use self::viewer::viewer;
 use crate::metrics::{Process, metrics};
 use crate::stream::{CLIENTS, Shown, seen_now, stream};
 use crate::view;
+use crate::view::Choice;
 
 pub(crate) use self::answer::Shared;
 pub use self::answer::{MakePage, Pages};
@@ -79,6 +80,7 @@ pub(crate) async fn serve(
 fn router(shared: Shared) -> Router {
     Router::new()
         .route("/", get(hall))
+        .route("/hall.csv", get(hall_csv))
         .route("/cell/{*name}", get(cell))
         .route("/events/hall", get(hall_events))
         .route("/events/cell/{*name}", get(cell_events))
@@ -175,16 +177,23 @@ fn asset(kind: &'static str, content: &'static str) -> Ready<impl IntoResponse> 
     ))
 }
 
-async fn hall(State(shared): State<Shared>, RawQuery(query): RawQuery) -> Response {
-    let wall = query.is_some_and(|query| {
-        query
-            .split('&')
-            .any(|one| one == "wall" || one.starts_with("wall="))
-    });
+async fn hall(State(shared): State<Shared>, Query(choice): Query<Choice>) -> Response {
     let seen = seen_now(&shared.live, shared.epoch);
     let trouble = shared.live.trouble();
     let hall = shared.live.hall();
-    page(view::hall_page(&hall, host::now(), wall, &seen, &trouble))
+    page(view::hall_page(
+        &hall,
+        host::now(),
+        &choice,
+        &seen,
+        &trouble,
+    ))
+}
+
+/// The same as a table.
+async fn hall_csv(State(shared): State<Shared>, Query(choice): Query<Choice>) -> Response {
+    let hall = shared.live.hall();
+    csv("hall", view::hall_csv(&hall, host::now(), &choice))
 }
 
 async fn cell(
@@ -213,10 +222,11 @@ async fn cell(
 
 async fn hall_events(
     State(shared): State<Shared>,
-    Query(look): Query<Look>,
+    Query(choice): Query<Choice>,
     headers: HeaderMap,
 ) -> Response {
-    events(shared, Shown::Hall, &look, &headers)
+    let since = choice.since.clone();
+    events(shared, Shown::Hall(choice), since.as_deref(), &headers)
 }
 
 async fn cell_events(
@@ -226,14 +236,14 @@ async fn cell_events(
     headers: HeaderMap,
 ) -> Response {
     let shown = Shown::Cell(name, look.view());
-    events(shared, shown, &look, &headers)
+    events(shared, shown, look.since.as_deref(), &headers)
 }
 
-fn events(shared: Shared, shown: Shown, look: &Look, headers: &HeaderMap) -> Response {
+fn events(shared: Shared, shown: Shown, since: Option<&str>, headers: &HeaderMap) -> Response {
     let last = headers
         .get("last-event-id")
         .and_then(|value| value.to_str().ok());
-    let seen = last.or(look.since.as_deref());
+    let seen = last.or(since);
     match shared.clients.take(CLIENTS) {
         Some(seat) => {
             Sse::new(stream(shared.live, shared.epoch, shown, seen, seat)).into_response()

@@ -5,15 +5,19 @@
 
 mod capability;
 mod cell;
+mod course;
 mod events;
 mod hall;
+mod last_parts;
 mod ledger;
 mod reduce;
 pub(crate) mod wording;
 
 pub use capability::{Capability, FEWEST, STATEMENT, capability};
 pub use cell::{Attention, CellState, Characteristic, RunChartPoint, Section, Touch};
+pub use course::{Course, Doing, INTERVALS};
 pub use events::{Event, EventKind};
 pub use hall::{Hall, kept_topics, read_topics};
 pub(crate) use hall::{is_read, machine_state, split};
+pub use last_parts::{LAST_PARTS, LastPart};
 pub use ledger::{Achieved, Entry};

@@ -19,7 +19,9 @@ use serde_json::json;
 
 use crate::live::Live;
 use crate::state::{EventKind, Section};
-use crate::view::{View, order_of, section, section_id, sums, tile, tile_id};
+use crate::view::{
+    Choice, View, legend, order_of, section, section_id, strip_length, sums, tile, tile_id,
+};
 
 /// Shortest time between two rounds of one client: changes that come closer are sent together.
 const ROUND: Duration = Duration::from_millis(80);
@@ -33,8 +35,8 @@ pub(crate) const CLIENTS: usize = 256;
 /// What a page shows.
 #[derive(Clone, Debug)]
 pub(crate) enum Shown {
-    /// The hall.
-    Hall,
+    /// The hall, or some cells of it.
+    Hall(Choice),
     /// A cell by name, seen from somewhere.
     Cell(String, View),
 }
@@ -139,7 +141,7 @@ impl Client {
     /// Until something has happened that the page shows, or for [`IDLE`]; at least one round.
     async fn wait(&mut self) {
         let round = match self.shown {
-            Shown::Hall => HALL_ROUND,
+            Shown::Hall(_) => HALL_ROUND,
             Shown::Cell(..) => ROUND,
         };
         tokio::time::sleep(round).await;
@@ -174,7 +176,7 @@ impl Client {
             return Event::default().event("restarted").id(now).data("{}");
         };
         let cell = match &self.shown {
-            Shown::Hall => None,
+            Shown::Hall(_) => None,
             Shown::Cell(name, _) => Some(name.as_str()),
         };
         let (events, lost) = hall.events_since(number, cell);
@@ -204,24 +206,26 @@ impl Client {
         let id = identifier(self.epoch, hall.last_event());
         let mut parts: Vec<(String, String)> = Vec::new();
         match &self.shown {
-            Shown::Hall => {
+            Shown::Hall(choice) => {
                 // Ages, temperatures and lines of programs change all the time: they wait for the next round of all tiles.
                 let all = self.whole.is_none_or(|last| last.elapsed() >= IDLE);
                 if all {
                     self.whole = Some(Instant::now());
                     self.tiles.retain(|name, _| hall.cell(name).is_some());
                 }
-                for cell in hall.cells() {
+                let length = strip_length(&hall, now);
+                for cell in choice.cells(&hall, now) {
                     let known = self.tiles.insert(cell.name.clone(), cell.last_event);
                     if all || known != Some(cell.last_event) {
-                        parts.push((tile_id(&cell.name), tile(cell, now).into_string()));
+                        parts.push((tile_id(&cell.name), tile(cell, now, length).into_string()));
                     }
                 }
                 parts.push((
                     "sums".to_owned(),
                     format!("<p id=\"sums\">{}</p>", sums(&hall, now).into_string()),
                 ));
-                let order = order_of(&hall, now);
+                parts.push(("legend".to_owned(), legend(length).into_string()));
+                let order = order_of(&hall, now, choice);
                 if order != self.order {
                     self.waiting.push_back(
                         Event::default()
@@ -229,8 +233,9 @@ impl Client {
                             .id(id.clone())
                             .data(json!(order).to_string()),
                     );
-                    self.sent
-                        .retain(|part, _| part == "sums" || order.contains(part));
+                    self.sent.retain(|part, _| {
+                        ["sums", "legend"].contains(&part.as_str()) || order.contains(part)
+                    });
                     self.order = order;
                 }
             }

@@ -1,7 +1,9 @@
 //! Pages and their parts as HTML: functions of the state and an instant, nothing else. Everything that stands still is SVG.
 
 mod cell;
+mod choice;
 mod compare;
+mod csv;
 mod deeds;
 mod effects;
 mod gap;
@@ -16,16 +18,23 @@ mod picture;
 mod runs;
 mod sessions;
 mod sizes;
+mod small;
 mod terminal;
+mod tile;
 
 pub use cell::{cell_page, section, section_id};
+pub use choice::Choice;
 pub use compare::{Compared, compare_page};
+pub use csv::hall_csv;
 pub(crate) use deeds::key_page;
 pub(crate) use hall::sums;
-pub use hall::{hall_page, order_of, tile, tile_id};
+pub use hall::{hall_page, order_of, tile_id};
 pub(crate) use ledger::changed_by;
 pub(crate) use machine::{machine_page, machines_page};
 pub use page::{Place, message_page};
 pub use picture::View;
 pub use sessions::{Listed, SessionView, session_page, sessions_page};
+pub(crate) use small::legend;
+pub use small::strip_length;
 pub use terminal::hall_text;
+pub use tile::tile;

@@ -3,7 +3,7 @@
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use axum::http::StatusCode;
+use axum::http::{StatusCode, header};
 use axum::response::{Html, IntoResponse, Response};
 use host::bus::BusConfig;
 use serde::Deserialize;
@@ -57,6 +57,18 @@ pub(crate) type ReportPage = (PathBuf, &'static str, u64, String);
 /// A page as an answer.
 pub(super) fn page(markup: maud::Markup) -> Response {
     Html(markup.into_string()).into_response()
+}
+
+/// A table that the browser saves.
+pub(super) fn csv(name: &str, text: String) -> Response {
+    let headers = [
+        (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),
+        (
+            header::CONTENT_DISPOSITION,
+            format!("attachment; filename=\"{name}.csv\""),
+        ),
+    ];
+    (headers, text).into_response()
 }
 
 /// There is none.

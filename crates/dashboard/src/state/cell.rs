@@ -14,7 +14,10 @@ use probecell_msgs::{
     geometrical,
 };
 
+use super::course::{Course, Doing};
+use super::last_parts::LastPart;
 use super::ledger::{Entry, Ledger};
+use super::wording;
 
 /// A cell that has said nothing for longer is stale: well above the period of `machine_state`, which speaks at least ten
 /// times a second.
@@ -114,7 +117,7 @@ pub struct RunChartPoint {
 pub type Characteristic = (String, String, i64);
 
 /// What is known of one cell. Bounds: one plan, order, report and joint state; 64 corrections; 256 references; 48 faults and losses each; 200
-/// parts of 128 characteristics; results and touches of the plan only.
+/// parts of 128 characteristics; the last 25 parts; a course of 96 intervals; results and touches of the plan only.
 #[derive(Clone, Debug, Default)]
 pub struct CellState {
     /// Namespace without its first slash.
@@ -161,6 +164,12 @@ pub struct CellState {
     pub(super) decision: Option<PassDecision>,
     /// Values over parts.
     pub runs: BTreeMap<Characteristic, VecDeque<RunChartPoint>>,
+    /// The last parts, newest last.
+    pub last_parts: VecDeque<LastPart>,
+    /// What it did over the last hours.
+    pub course: Course,
+    /// What it says that it does.
+    pub(super) doing: Option<Doing>,
     pub(super) ledger: Ledger,
     /// The newest gap report.
     pub gap: Option<Arc<GapReport>>,
@@ -393,10 +402,7 @@ impl CellState {
                 let text = format!("{how} while making {}", self.part.part_id);
                 (Attention::Act, text)
             } else if self.kept {
-                (
-                    Attention::Look,
-                    "not live: the state that was kept".to_owned(),
-                )
+                (Attention::Look, "not live: kept state".to_owned())
             } else if self.left.is_some() {
                 (Attention::Look, "left the bus".to_owned())
             } else {
@@ -417,8 +423,8 @@ impl CellState {
         if let Some(one) = self.waiting(now).next() {
             let features = one.correction.feature_ids.join(", ");
             let mut text = match self.waiting(now).count() {
-                1 => format!("correction of {features} waits for approval"),
-                count => format!("{count} corrections wait for approval"),
+                1 => format!("decide on correction of {features}"),
+                count => format!("decide on {count} corrections"),
             };
             if self.doubt().is_some() {
                 text.push_str("; the probe may be wrong");
@@ -446,32 +452,32 @@ impl CellState {
             return (Attention::Look, open);
         }
         if self.is_making() || execution == Some(MachineState::EXECUTION_RUNNING) {
-            return (Attention::Working, "no action needed".to_owned());
+            return (Attention::Working, "nothing to do".to_owned());
         }
-        (Attention::Idle, "no action needed".to_owned())
+        (Attention::Idle, "nothing to do".to_owned())
     }
 }
 
-/// What a diagnosis leaves to a person; none where there is no gap.
+/// What a diagnosis leaves to a person, in about five words; none where there is no gap.
 fn open_in(report: &Report) -> Option<String> {
     match report.verdict {
-        diagnosis::Verdict::Unexplained => return Some("the gap is not explained".to_owned()),
-        diagnosis::Verdict::PartlyExplained => {
-            return Some("part of the gap is not explained".to_owned());
-        }
+        diagnosis::Verdict::Unexplained => return Some("gap not explained".to_owned()),
+        diagnosis::Verdict::PartlyExplained => return Some("gap partly explained".to_owned()),
         diagnosis::Verdict::NoGap => return None,
         diagnosis::Verdict::Explained => {}
     }
-    if report.effects.iter().any(|one| one.group.len() > 1) {
+    if let Some(rivals) = report.effects.iter().find(|one| one.group.len() > 1) {
+        let causes = rivals.group.len();
         let touches = report.next_measurement.iter().map(|one| one.points.len());
         return Some(match touches.max() {
             Some(count) if count > 0 => {
-                format!("causes of the gap to be told apart: {count} touches are proposed")
+                format!("{count} touches would decide between {causes} causes")
             }
-            _ => "the touches cannot tell the causes of the gap apart".to_owned(),
+            _ => format!("no touch decides between {causes} causes"),
         });
     }
-    let remedied = |one: &diagnosis::report::Effect| vocabulary::remedy(&one.effect).is_some();
-    (report.effects.iter().any(remedied))
-        .then(|| "the cause of the gap is found: see what to do".to_owned())
+    let closed = |one: &diagnosis::report::Effect| one.rms_before.powi(2) - one.rms_after.powi(2);
+    let remedied = (report.effects.iter()).filter_map(|one| Some((closed(one), one.remedy()?)));
+    let first = remedied.max_by(|a, b| a.0.total_cmp(&b.0));
+    first.map(|(_, remedy)| wording::in_short(&remedy).to_owned())
 }

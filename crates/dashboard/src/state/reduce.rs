@@ -41,6 +41,13 @@ impl CellState {
         }
         self.heard = Some((first, at));
         self.left = None;
+        self.goes_on(at);
+        let happened = self.reduce(name, bytes, at);
+        self.goes_on(at);
+        happened
+    }
+
+    fn reduce(&mut self, name: &str, bytes: &[u8], at: Stamp) -> Happened {
         match name {
             n if n == topics::JOINT_STATES.name => {
                 bytes.clone_into(&mut self.joints_bytes);
@@ -100,6 +107,7 @@ impl CellState {
         let new: MachineState = read(bytes)?;
         let old = self.machine();
         bytes.clone_into(&mut self.machine_bytes);
+        self.does();
         self.changed(&[Section::State, Section::Axes]);
         let raised = new
             .alarms
@@ -127,6 +135,7 @@ impl CellState {
         let key = |one: &PartStatus| (one.stage, one.run_id.clone(), one.plan_id.clone());
         let changed = key(&status) != key(&self.part);
         self.part = status;
+        self.does();
         if self.is_making() {
             self.interrupted = None;
         }
@@ -246,9 +255,10 @@ impl CellState {
             }
             self.changed(&[Section::Runs]);
         }
-        let feature = result.feature_id.clone();
+        let (plan_id, feature) = (result.plan_id.clone(), result.feature_id.clone());
         self.results.insert(feature.clone(), result);
         self.limit(&feature);
+        self.part_measured(&plan_id, &feature);
         self.changed(&[Section::Sizes, Section::Part]);
         None
     }
@@ -294,6 +304,9 @@ impl CellState {
         for one in made.filter(|one| part_of_run(&one.run) == part) {
             one.contradicted = true;
         }
+        for one in self.last_parts.iter_mut().filter(|one| one.run == part) {
+            one.contradicted = true;
+        }
         self.changed(&[Section::Runs]);
     }
 
@@ -322,9 +335,10 @@ impl CellState {
             Verdict::word(verdict.verdict),
             wording::micrometres(verdict.error)
         );
-        let feature = verdict.feature_id.clone();
+        let (plan_id, feature) = (verdict.plan_id.clone(), verdict.feature_id.clone());
         self.verdicts.insert(feature.clone(), verdict);
         self.limit(&feature);
+        self.part_measured(&plan_id, &feature);
         self.changed(&[Section::State, Section::Sizes, Section::Part]);
         Some((EventKind::Verdict, text))
     }
@@ -377,6 +391,7 @@ impl CellState {
             wording::micrometres(report.rms),
             wording::micrometres(report.noise_floor)
         );
+        self.part_diagnosed(&report);
         self.gap = Some(Arc::new(report));
         // A correction that waits is shown with what the diagnosis says of the probe.
         self.changed(&[Section::Gap, Section::State, Section::Ledger]);
@@ -413,7 +428,7 @@ fn read<M: Message>(bytes: &[u8]) -> Option<M> {
     from_cdr(bytes).ok()
 }
 
-fn push<T>(queue: &mut VecDeque<T>, one: T, bound: usize) {
+pub(super) fn push<T>(queue: &mut VecDeque<T>, one: T, bound: usize) {
     if queue.len() == bound {
         queue.pop_front();
     }

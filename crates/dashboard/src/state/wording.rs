@@ -80,3 +80,10 @@ pub(crate) fn gap(code: u8) -> &'static str {
         _ => "not explained",
     }
 }
+
+/// The first of what a remedy asks for: what stands before its alternatives and explanations.
+pub(crate) fn in_short(remedy: &str) -> &str {
+    let ends = [", ", "; ", ": ", " or ", " ("];
+    let end = ends.iter().filter_map(|end| remedy.find(end)).min();
+    end.and_then(|end| remedy.get(..end)).unwrap_or(remedy)
+}

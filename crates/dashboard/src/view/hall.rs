@@ -1,13 +1,16 @@
-//! The hall: one tile for each cell.
+//! The hall: a tile for each cell, and the controls above them.
 
 use graph::Stamp;
 use maud::{Markup, html};
 use probecell_msgs::{MachineState, PartStatus};
 
+use super::choice::{ATTENTIONS, Choice, ORDERS};
 use super::gap::unexplained;
-use super::numbers::{cell_title, last_word, readable};
+use super::numbers::readable;
 use super::page::{Frame, Place, frame};
 use super::sizes::worst;
+use super::small::{legend, strip_length};
+use super::tile::tile;
 use crate::state::{Attention, CellState, Hall, wording};
 
 /// Effects of a group that are written out on a tile; the rest is counted, and all stand on the page of the cell.
@@ -18,9 +21,9 @@ pub fn tile_id(name: &str) -> String {
     format!("tile-{}", name.replace('/', "--"))
 }
 
-/// Elements of the tiles, those that need a person first.
-pub fn order_of(hall: &Hall, now: Stamp) -> Vec<String> {
-    let cells = hall.by_attention(now);
+/// Elements of the tiles that were chosen, in their order.
+pub fn order_of(hall: &Hall, now: Stamp, choice: &Choice) -> Vec<String> {
+    let cells = choice.cells(hall, now);
     cells.iter().map(|cell| tile_id(&cell.name)).collect()
 }
 
@@ -32,16 +35,6 @@ pub(super) fn attention_of(attention: Attention) -> (&'static str, &'static str,
         Attention::Look => ("look", "◆", "Look"),
         Attention::Working => ("working", "▶", "Working"),
         Attention::Idle => ("idle", "○", "Idle"),
-    }
-}
-
-/// What so many cells need, after their number.
-fn needs(attention: Attention, name: &str) -> String {
-    match attention {
-        Attention::Act => "to act on".to_owned(),
-        Attention::Decide => "to decide on".to_owned(),
-        Attention::Look => "to look at".to_owned(),
-        Attention::Working | Attention::Idle => name.to_lowercase(),
     }
 }
 
@@ -76,59 +69,6 @@ pub(super) fn group(cell: &CellState) -> Vec<String> {
     all.iter()
         .map(|one| effects::vocabulary::describe(one))
         .collect()
-}
-
-/// One tile.
-pub fn tile(cell: &CellState, now: Stamp) -> Markup {
-    let (attention, why) = cell.attention(now);
-    let (class, sign, name) = attention_of(attention);
-    let (title, place) = cell_title(&cell.name);
-    let machine = cell.machine();
-    let waiting = cell.waiting(now).count();
-    html! {
-        li.tile.(class) id=(tile_id(&cell.name)) data-attention=(class) {
-            div.head {
-                h2 { a href={ "/cell/" (cell.name) } { (title) } @if !place.is_empty() { small { (place) } } }
-                p.badge { span.sign aria-hidden="true" { (sign) } " " span.sr { (name) ": " } (doing(cell, now)) }
-            }
-            p.why { (why) }
-            dl {
-                (part(cell))
-                @if let Some(machine) = machine.as_ref().filter(|one| !one.program.is_empty()) {
-                    div { dt { "Program" } dd { (machine.program) @if machine.line > 0 { " line " (machine.line) } } }
-                }
-                (verdict(cell))
-                @if waiting > 0 { div.mark { dt { "Corrections" } dd { (waiting) " waiting for approval" } } }
-                (gap(cell))
-                @if let Some(machine) = &machine && !machine.temperatures.is_empty() {
-                    div { dt { "Temperature" } dd {
-                        @for (index, (name, value)) in machine.temperature_names.iter().zip(&machine.temperatures).enumerate() {
-                            @if index > 0 { " · " } (name) " " (format!("{value:.1}"))
-                        } " °C"
-                    } }
-                }
-                div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } }
-            }
-        }
-    }
-}
-
-fn part(cell: &CellState) -> Markup {
-    let part = &cell.part;
-    let ended = cell.ended.back();
-    html! {
-        div { dt { "Part" } dd {
-            @if let Some(part) = cell.interrupted() {
-                (readable(&part.part_id)) ", interrupted"
-            } @else if part.stage == PartStatus::NONE {
-                @if let Some(last) = ended { (readable(&last.part_id)) ", " (last.end()) }
-                @else { "none yet" }
-            } @else {
-                (readable(&part.part_id)) ", pass " (part.pass_number + 1)
-                @if !part.operation.is_empty() { ", " (part.operation.replace('_', " ")) }
-            }
-        } }
-    }
 }
 
 /// The worst of the plan measured last, features without a verdict included, which need not be of the part that is being made.
@@ -168,40 +108,61 @@ pub(super) fn gap(cell: &CellState) -> Markup {
     }
 }
 
-/// Sums over the hall and the tiles.
-pub(super) fn whole(hall: &Hall, now: Stamp) -> Markup {
-    let cells = hall.by_attention(now);
+/// The tiles that were chosen.
+fn tiles(hall: &Hall, now: Stamp, choice: &Choice) -> Markup {
+    let cells = choice.cells(hall, now);
+    let length = strip_length(hall, now);
     html! {
-        @if cells.is_empty() {
+        @if hall.cells().next().is_none() {
             p.lead.empty { "No cell is on the bus. Start one with " code { "probecell up" } "; it appears here by itself." }
         }
-        ul.tiles #tiles { @for cell in &cells { (tile(cell, now)) } }
+        ul.tiles #tiles { @for cell in &cells { (tile(cell, now, length)) } }
         @if hall.refused() > 0 { p.mark { (hall.refused()) " further cells are not shown: there are too many." } }
     }
 }
 
-/// The page of all cells at an instant, without controls on a `wall`. `seen` identifies the state shown, from which the page
+/// The form that chooses cells and their order.
+fn chooser(choice: &Choice) -> Markup {
+    html! {
+        form.choose #choose action="/" method="get" role="search" aria-label="Machines shown" {
+            input type="search" name="q" value=(choice.q) maxlength="64" placeholder="Machine, part, cause" aria-label="Search" autocomplete="off";
+            select name="state" aria-label="State" {
+                option value="" { "All states" }
+                @for one in ATTENTIONS { @let (class, sign, name) = attention_of(one); option value=(class) selected[choice.state == class] { (sign) " " (name) } }
+            }
+            select name="sort" aria-label="Order" { @for (name, words) in ORDERS { option value=(name) selected[choice.sort == name] { (words) } } }
+            @if choice.is_dense() { input type="hidden" name="dense" value=""; }
+            button type="submit" { "Show" }
+        }
+    }
+}
+
+/// The page of all cells at an instant, without controls on a wall. `seen` identifies the state shown, from which the page
 /// subscribes to changes; `bus` says what is wrong with the bus, empty if nothing is.
-pub fn hall_page(hall: &Hall, now: Stamp, wall: bool, seen: &str, bus: &str) -> Markup {
+pub fn hall_page(hall: &Hall, now: Stamp, choice: &Choice, seen: &str, bus: &str) -> Markup {
     let body = html! {
         div.title {
             h1 { "Hall" }
             p #sums { (sums(hall, now)) }
+            (chooser(choice))
             p.actions {
-                button #resort type="button" hidden { "Sort by urgency" }
-                @if wall { a.button href="/" { "Leave wall mode" } } @else { a.button href="/?wall" { "Wall mode" } }
+                button #resort type="button" hidden { "Sort" }
+                @if choice.is_dense() { a.button href="/" { "Tiles" } } @else { a.button href="/?dense" { "Dense" } }
+                @if choice.is_wall() { a.button href="/" { "Leave wall mode" } } @else { a.button href="/?wall" { "Wall" } }
+                a.button href={ "/hall.csv" (choice.query()) } download { "CSV" }
             }
         }
         @if !bus.is_empty() { noscript { p.mark { (bus) } } }
-        (whole(hall, now))
+        (tiles(hall, now, choice))
+        (legend(strip_length(hall, now)))
     };
-    let class = if wall { "hall wall" } else { "hall" };
+    let stream = format!("/events/hall{}", choice.query());
     frame(
         &Frame {
             title: "Hall",
             place: Place::Hall,
-            class,
-            stream: Some("/events/hall"),
+            class: choice.class(),
+            stream: Some(&stream),
             seen,
         },
         &body,
@@ -217,7 +178,7 @@ pub(crate) fn sums(hall: &Hall, now: Stamp) -> Markup {
     html! {
         @for (attention, count) in counts {
             @let (class, sign, name) = attention_of(attention);
-            span.sum.(class) { span.sign aria-hidden="true" { (sign) } " " (count) " " (needs(attention, name)) } " "
+            span.sum.(class) { span.sign aria-hidden="true" { (sign) } " " (count) " " (name.to_lowercase()) } " "
         }
     }
 }

@@ -67,7 +67,7 @@ pub(super) fn frame(frame: &Frame<'_>, body: &Markup) -> Markup {
                     (body)
                 }
                 footer {
-                    p { "What is done from these pages is signed by an operator; a correction that the policy of the cell file approves needs nobody. Deviations are measured minus nominal; excess material is positive. U is the expanded uncertainty. Times are UTC." }
+                    p { "What is done from these pages is signed by an operator; a correction that the policy of the cell file approves needs nobody. Deviations are measured minus nominal; excess material is positive. U is the expanded uncertainty. " span #zone { "Times are UTC." } }
                 }
             }
         }

@@ -113,10 +113,16 @@ pub(super) struct Worst {
     pub(super) class: &'static str,
     /// m.
     pub(super) error: f64,
+    /// m; none where only the verdict is known.
+    pub(super) expanded: Option<f64>,
+    /// Limits of the error, m.
+    pub(super) limits: Option<(f64, f64)>,
     /// The measurement, and by what it was judged.
     pub(super) by: String,
     /// Features without a verdict that do not conform, may not, or could not be measured; empty where there is none.
     pub(super) unjudged: String,
+    /// How many these are.
+    pub(super) doubtful: usize,
 }
 
 /// The worst verdict of the plan measured last, or the size that a reference contradicts, and what stands without a verdict beside
@@ -142,8 +148,11 @@ pub(super) fn worst(cell: &CellState) -> Option<Worst> {
             word: size.says(),
             class: size.class,
             error: size.result.size_deviation,
+            expanded: Some(size.expanded()),
+            limits: size.limits,
             by: format!("{}; {}", size.result.plan_id, minus(&why)),
             unjudged: unjudged(sizes.iter().filter(doubtful).collect()),
+            doubtful: sizes.iter().filter(doubtful).count(),
         });
     }
     let one = verdict?;
@@ -155,8 +164,11 @@ pub(super) fn worst(cell: &CellState) -> Option<Worst> {
         word: Verdict::word(one.verdict),
         class: class_of(one.verdict),
         error: one.error,
+        expanded: (cell.results.get(&one.feature_id)).map(FeatureResult::expanded_uncertainty),
+        limits: cell.limits(&one.feature_id),
         by: format!("{}; {rule}{}", one.plan_id, risk.unwrap_or_default()),
         unjudged: unjudged(sizes.iter().filter(doubtful).collect()),
+        doubtful: sizes.iter().filter(doubtful).count(),
     })
 }
 
@@ -267,7 +279,7 @@ fn row(size: &Size<'_>) -> Markup {
     html! {
         tr.(size.class) {
             th scope="row" { (geometrical::label(result)) }
-            td.wide { (bar(size)) }
+            td.wide { @if let Some(limits) = size.limits { (bar(size.class, result.size_deviation, size.expanded(), limits)) } }
             td.number { b { (signed_um(result.size_deviation)) } " ± " (um(size.expanded())) }
             td.number { @if let Some((lower, upper)) = size.limits { (signed_um(lower)) " … " (signed_um(upper)) } @else { "–" } }
             td.number.extra { (mm(result.size)) }
@@ -280,25 +292,27 @@ fn row(size: &Size<'_>) -> Markup {
 const WIDTH: f64 = 220.0;
 const HEIGHT: f64 = 26.0;
 
-/// Deviation ± U on the tolerance zone, which fills the middle half.
-fn bar(size: &Size<'_>) -> Markup {
-    let Some((lower, upper)) = size.limits else {
-        return html! {};
-    };
+/// A deviation with its limits in words. Lengths in m.
+pub(super) fn said(at: f64, u: Option<f64>, (lower, upper): (f64, f64)) -> String {
+    format!(
+        "{}{} µm, limits {} to {} µm",
+        signed_um(at),
+        u.map_or(String::new(), |u| format!(" ± {}", um(u))),
+        signed_um(lower),
+        signed_um(upper)
+    )
+}
+
+/// Deviation ± U on the tolerance zone, which fills the middle half. Lengths in m.
+fn bar(class: &str, at: f64, u: f64, limits: (f64, f64)) -> Markup {
+    let (lower, upper) = limits;
     let middle = f64::midpoint(lower, upper);
     let half = (upper - lower) / 2.0;
     let place = |value: f64| WIDTH / 2.0 + (value - middle) / half * WIDTH / 4.0;
     let inside = |x: f64| x.clamp(3.0, WIDTH - 3.0);
-    let (at, u) = (size.result.size_deviation, size.expanded());
     let (x, from, to) = (place(at), inside(place(at - u)), inside(place(at + u)));
     let y = HEIGHT / 2.0;
-    let text = format!(
-        "{} ± {} µm, limits {} to {} µm",
-        signed_um(at),
-        um(u),
-        signed_um(lower),
-        signed_um(upper)
-    );
+    let text = said(at, Some(u), limits);
     html! {
         svg.bar viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label=(text) {
             rect.zone x=(place(lower)) y="3" width=(place(upper) - place(lower)) height=(HEIGHT - 6.0) {}
@@ -307,10 +321,10 @@ fn bar(size: &Size<'_>) -> Markup {
             line.nominal x1=(place(0.0)) x2=(place(0.0)) y1="3" y2=(HEIGHT - 3.0) {}
             line.spread x1=(from) x2=(to) y1=(y) y2=(y) {}
             @if x.is_finite() {
-                @if (3.0..=WIDTH - 3.0).contains(&x) { circle.value.(size.class) cx=(x) cy=(y) r="5" {} }
+                @if (3.0..=WIDTH - 3.0).contains(&x) { circle.value.(class) cx=(x) cy=(y) r="5" {} }
                 @else {
                     @let (tip, back) = if x > 0.0 { (WIDTH - 1.0, WIDTH - 11.0) } else { (1.0, 11.0) };
-                    path.value.(size.class) d={ "M" (tip) " " (y) "L" (back) " " (y - 6.0) "V" (y + 6.0) "Z" } {}
+                    path.value.(class) d={ "M" (tip) " " (y) "L" (back) " " (y - 6.0) "V" (y + 6.0) "Z" } {}
                 }
             }
         }

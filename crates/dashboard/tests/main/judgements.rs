@@ -100,8 +100,11 @@ fn a_size_is_drawn_on_the_tolerance_by_which_it_was_judged() {
 #[test]
 fn a_feature_without_a_verdict_is_told_beside_the_worst_verdict() {
     let (hall, now) = measured();
-    let page = tile(of(&hall), now).into_string();
-    assert!(page.contains("D1 qualified, +3.0 µm"), "{page}");
+    let page = tile(of(&hall), now, 600.0).into_string();
+    assert!(
+        page.contains("title=\"D1 qualified\"") && page.contains("+3.0 µm"),
+        "{page}"
+    );
     assert!(
         page.contains("not part of the decision: flat: does not conform"),
         "{page}"
@@ -140,7 +143,7 @@ fn a_feature_without_a_verdict_that_a_reference_contradicts_is_none_that_conform
         page.contains("1 not qualified any more") && !page.contains("1 stopped"),
         "{page}"
     );
-    let page = tile(of(&hall), now).into_string();
+    let page = tile(of(&hall), now, 600.0).into_string();
     assert!(page.contains("punch, not qualified any more"), "{page}");
 }
 
@@ -151,12 +154,12 @@ fn a_cell_whose_diagnosis_asks_for_something_does_not_say_that_nothing_is_needed
         let (attention, why) = of(&hall).attention(now);
         assert_eq!(attention, Attention::Look, "{name}: {why}");
         assert!(
-            why.contains("touches are proposed") || why.contains("see what to do"),
+            why.contains("touches would decide") || why.contains("check the levelling"),
             "{name}: {why}"
         );
     }
     let (hall, now) = sample("guideway_straight", f64::INFINITY);
-    assert_eq!(of(&hall).attention(now).1, "no action needed");
+    assert_eq!(of(&hall).attention(now).1, "nothing to do");
     let page = shown(&hall, now, Section::Gap);
     assert!(!page.contains("<b>Measure next"), "{page}");
 }

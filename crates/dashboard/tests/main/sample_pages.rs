@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use bags::Bag;
 use dashboard::state::{Attention, Hall, Section};
-use dashboard::view::{View, hall_page, section};
+use dashboard::view::{Choice, View, hall_page, section};
 use graph::Stamp;
 use serde_json::Value;
 
@@ -253,7 +253,7 @@ fn texts_from_the_bus_are_escaped_and_unknown_bytes_change_nothing() {
     let mut hall = Hall::default();
     let at = Stamp(1_000_000_000);
     let machine = probecell_msgs::MachineState {
-        program: "<script>alert(1)</script>".to_owned(),
+        alarms: vec!["<script>alert(1)</script>".to_owned()],
         ..Default::default()
     };
     hall.apply(
@@ -262,7 +262,7 @@ fn texts_from_the_bus_are_escaped_and_unknown_bytes_change_nothing() {
         at,
     );
     hall.apply("/hall_2/lathe/verdicts", b"\0\x01\0\0nonsense", at);
-    let page = hall_page(&hall, at, false, "", "").into_string();
+    let page = hall_page(&hall, at, &Choice::default(), "", "").into_string();
     assert!(page.contains("&lt;script&gt;alert(1)") && !page.contains("<script>alert"));
     assert!(page.contains("href=\"/cell/hall_2/lathe\""));
     assert_eq!(

@@ -121,7 +121,7 @@ fn a_correction_that_waits_is_shown_with_the_command_that_decides_on_it() {
     );
     let below: Vec<&str> = lines.map(str::trim).collect();
     assert!(
-        below.contains(&"correction of D2 waits for approval; the probe may be wrong"),
+        below.contains(&"decide on correction of D2; the probe may be wrong"),
         "{text}"
     );
     assert!(

@@ -1,0 +1,186 @@
+//! What a cell did over the last hours, in bounded memory.
+
+use std::collections::VecDeque;
+
+use graph::Stamp;
+
+/// Intervals of a course.
+pub const INTERVALS: usize = 96;
+/// Length of an interval at the longest, s: all together are eight hours.
+const LONGEST_S: f64 = 300.0;
+/// Length at the beginning, s; intervals are joined in pairs as the course grows.
+const SHORTEST_S: f64 = LONGEST_S / 64.0;
+/// A silence that is longer says nothing of what the machine did, s.
+const SILENCE_S: f64 = 2.0;
+
+/// What a machine does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Doing {
+    /// It moves by a program, without measuring.
+    Running,
+    /// It measures.
+    Measuring,
+    /// It stands: no part, or one whose decision or correction is awaited.
+    Waiting,
+    /// Feed hold, alarm or emergency stop.
+    Stopped,
+}
+
+impl Doing {
+    /// All, in the order of [`Course::intervals`].
+    pub const ALL: [Self; 4] = [Self::Running, Self::Measuring, Self::Waiting, Self::Stopped];
+
+    /// In a word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Running => "running",
+            Self::Measuring => "measuring",
+            Self::Waiting => "waiting",
+            Self::Stopped => "stopped",
+        }
+    }
+}
+
+/// How long a cell did what, by intervals of equal length, the newest [`INTERVALS`].
+#[derive(Clone, Debug, Default)]
+pub struct Course {
+    /// Begin of the first interval.
+    begin: Stamp,
+    /// s; 0 before the first word.
+    length_s: f64,
+    /// s of each in [`Doing::ALL`]; what is missing the cell was silent.
+    spent: VecDeque<[f64; 4]>,
+    /// What it did last, and when it said so.
+    last: Option<(Doing, Stamp)>,
+}
+
+impl Course {
+    /// Takes what the cell says that it does at an instant.
+    pub(super) fn says(&mut self, doing: Doing, at: Stamp) {
+        if self.length_s == 0.0 {
+            (self.begin, self.length_s) = (at, SHORTEST_S);
+        }
+        if let Some((before, from)) = self.last.replace((doing, at))
+            && (0.0..=SILENCE_S).contains(&at.since_s(from))
+        {
+            self.add(before, from, at);
+        }
+    }
+
+    fn add(&mut self, doing: Doing, from: Stamp, to: Stamp) {
+        let mut from = from;
+        while to > from {
+            let index = self.interval_of(from);
+            let end = self.begin.after_s((index + 1) as f64 * self.length_s);
+            // Below the resolution of a stamp nothing is left.
+            let end = end.min(to).max(Stamp(from.0 + 1));
+            let place = Doing::ALL.iter().position(|one| *one == doing);
+            if let Some((spent, place)) = self.spent.get_mut(index).zip(place) {
+                spent[place] += end.since_s(from);
+            }
+            from = end;
+        }
+    }
+
+    /// Number of the interval of an instant, made where there is none yet.
+    fn interval_of(&mut self, at: Stamp) -> usize {
+        loop {
+            let index = (at.since_s(self.begin) / self.length_s).max(0.0) as usize;
+            if index < INTERVALS {
+                while self.spent.len() <= index {
+                    self.spent.push_back([0.0; 4]);
+                }
+                return index;
+            }
+            if self.length_s < LONGEST_S {
+                self.join();
+            } else {
+                let gone = index + 1 - INTERVALS;
+                self.spent.drain(..gone.min(self.spent.len()));
+                self.begin = self.begin.after_s(gone as f64 * self.length_s);
+            }
+        }
+    }
+
+    /// Joins intervals in pairs.
+    fn join(&mut self) {
+        let mut joined = VecDeque::with_capacity(INTERVALS);
+        let mut all = self.spent.iter();
+        while let Some(first) = all.next() {
+            let second = all.next().unwrap_or(&[0.0; 4]);
+            joined.push_back(std::array::from_fn(|one| first[one] + second[one]));
+        }
+        self.spent = joined;
+        self.length_s *= 2.0;
+    }
+
+    /// Begin and length (s) of each interval, with the s of each in [`Doing::ALL`].
+    pub fn intervals(&self) -> impl Iterator<Item = (Stamp, f64, &[f64; 4])> {
+        let begin = |index: usize| self.begin.after_s(index as f64 * self.length_s);
+        let all = self.spent.iter().enumerate();
+        all.map(move |(index, spent)| (begin(index), self.length_s, spent))
+    }
+
+    /// s of each in [`Doing::ALL`] since `from`, by whole intervals.
+    pub fn spent_since(&self, from: Stamp) -> [f64; 4] {
+        let mut sum = [0.0; 4];
+        for (begin, length, spent) in self.intervals() {
+            if begin.after_s(length) > from {
+                sum = std::array::from_fn(|one| sum[one] + spent[one]);
+            }
+        }
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten times a second, from `begin` for `seconds`.
+    fn says(course: &mut Course, doing: Doing, begin: f64, seconds: f64) {
+        for step in 0..(seconds * 10.0) as i64 {
+            course.says(doing, Stamp(0).after_s(begin + step as f64 * 0.1));
+        }
+    }
+
+    #[test]
+    fn what_was_spent_is_kept_while_intervals_are_joined() {
+        let mut course = Course::default();
+        let all = Stamp(0);
+        for hour in 0..7 {
+            let begin = f64::from(hour) * 3600.0;
+            says(&mut course, Doing::Running, begin, 1800.0);
+            says(&mut course, Doing::Measuring, begin + 1800.0, 1200.0);
+            says(&mut course, Doing::Waiting, begin + 3000.0, 600.0);
+            let spent = course.spent_since(all).map(|one| (one / 60.0).round());
+            let hours = f64::from(hour + 1);
+            assert_eq!(spent, [30.0 * hours, 20.0 * hours, 10.0 * hours, 0.0]);
+            assert!(course.spent.len() <= INTERVALS);
+        }
+        let (_, length, spent) = course.intervals().next().expect("an interval");
+        assert_eq!((length, spent[0].round()), (LONGEST_S, LONGEST_S));
+    }
+
+    #[test]
+    fn eight_hours_are_kept_and_a_silence_is_nothing_that_was_done() {
+        let mut course = Course::default();
+        says(&mut course, Doing::Running, 0.0, 600.0);
+        says(&mut course, Doing::Stopped, 9.0 * 3600.0, 60.0);
+        let [running, .., stopped] = course.spent_since(Stamp(0));
+        assert_eq!((running, stopped.round()), (0.0, 60.0));
+        assert!(course.spent.len() <= INTERVALS);
+        // After days away.
+        says(&mut course, Doing::Waiting, 1e6, 10.0);
+        assert_eq!(
+            course.spent_since(Stamp(0)).map(f64::round),
+            [0.0, 0.0, 10.0, 0.0]
+        );
+        // A clock that is set back changes nothing.
+        course.says(Doing::Waiting, Stamp(5));
+        assert_eq!(
+            course.spent_since(Stamp(0)).map(f64::round),
+            [0.0, 0.0, 10.0, 0.0]
+        );
+    }
+}
