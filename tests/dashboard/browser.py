@@ -13,6 +13,7 @@ import pathlib
 import re
 import shutil
 import time
+from datetime import datetime, timedelta
 
 from pages import ADDRESS, ENDS, SAMPLES, Browser, Line, cell_file, fetch, metric, micrometres, started, twin, wait
 from playwright.sync_api import sync_playwright
@@ -140,6 +141,18 @@ def live_cells(browser, folder, line):
         print("hall: tiles stayed under the pointer, and were sorted when it left")
         browser.audit("/", "hall_silent")
 
+        with browser.page() as page, browser.page(zone="Asia/Tokyo") as far:
+            rows = []
+            for one in (page, far):
+                one.goto(f"http://{ADDRESS}/sessions")
+                wait(one, "!document.querySelector('#listed[data-unread]')")
+                rows += [row for row in one.evaluate(ROWS) if row["name"].startswith("mill_a_")]
+            here, there = rows
+            assert here["verdict"] == "● under way" and not here["alarm"] and here["part"] == "punch_1", here
+            late = datetime.fromisoformat(there["when"]) - datetime.fromisoformat(here["when"])
+            assert late == timedelta(hours=9) and there["utc"] == here["utc"] and "your zone" in far.inner_text("footer"), rows
+        print("sessions: the one that is being recorded is under way, without an alarm; times are of the viewer's zone")
+
         nodes = live_nodes()
         assert nodes and not any("dashboard" in name for name in nodes), nodes
         viewer.waits_for("gone", "/mill_b/touch_deviations")
@@ -174,8 +187,7 @@ def recordings(browser, folder, recorded):
     server.says("dashboard: http://")
     with browser.page() as page:
         page.goto(f"http://{ADDRESS}/sessions")
-        names = page.locator(".sessions h2").all_inner_texts()
-        assert "punch.mcap" in names and any(name.startswith("mill_a_") for name in names) and "linked.mcap" not in names, names
+        listed(page)
         touches = [at for at, one in twin("punch", "touch_deviations") if one["plan_id"] == "punch/rough/1"]
         page.goto(f"http://{ADDRESS}/session/punch.mcap?t=0")
         page.evaluate("window.sameDocument = true")
@@ -231,6 +243,37 @@ def recordings(browser, folder, recorded):
         browser.glance(path)
 
 
+ROWS = """[...document.querySelectorAll('.recordings tbody tr')].map((row) => ({ name: row.querySelector('th a').title, cell: row.querySelector('th a').firstChild.textContent,
+    part: row.querySelector('[data-label=Part]').innerText, verdict: row.querySelector('[data-label=Verdict]').innerText,
+    when: row.querySelector('time').textContent, utc: row.querySelector('time').title, gap: row.querySelector('[data-label^=Gap]').innerText,
+    cause: row.querySelector('[data-label=Cause]').innerText, alarm: !!row.querySelector('.mark') }))"""
+
+
+def listed(page):
+    """The list: each recording with what its twin says of it; searched and filtered; no name made of numbers."""
+    wait(page, "document.querySelectorAll('.recordings tbody tr').length >= 5 && !document.querySelector('#listed[data-unread]')")
+    rows = {row["name"]: row for row in page.evaluate(ROWS)}
+    assert any(name.startswith("mill_a_") for name in rows) and "linked.mcap" not in rows, rows
+    for sample in ("punch", "punch_uncalibrated"):
+        row = rows[f"{sample}.mcap"]
+        report, gap = twin(sample, "part_reports")[-1][1], twin(sample, "gap_report")[-1][1]
+        assert row["cell"] == "turn_mill" and row["part"].split()[0] == report["part_id"], (row, report)
+        assert row["gap"] == f"{gap['rms'] / gap['noise_floor']:.1f}" and row["cause"] != "–", (row, gap)
+        assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d", row["when"]) and row["utc"].startswith(row["when"]) and row["utc"].endswith(" UTC"), row
+    assert "qualified" in rows["punch.mcap"]["verdict"] and "not qualified any more" in rows["punch_uncalibrated.mcap"]["verdict"], rows
+    assert not re.search(r"\d{10}", page.inner_text("main")), "milliseconds since 1970"
+    page.fill("#choose input", "uncalib")
+    wait(page, "location.search === '?q=uncalib' && document.querySelectorAll('.recordings tbody tr').length === 1")
+    page.fill("#choose input", "")
+    page.select_option("select[name=cell]", "mill_a")
+    wait(page, "location.search === '?cell=mill_a'")
+    assert page.evaluate(ROWS)[0]["name"].startswith("mill_a_")
+    page.select_option("select[name=cell]", "")
+    page.select_option("select[name=verdict]", "bad")
+    wait(page, "location.search === '?verdict=bad' && [...document.querySelectorAll('.recordings .verdict')].every((one) => one.classList.contains('bad'))")
+    print(f"sessions: {len(rows)} recordings with cell, part, verdict, gap and cause as in their twins, searched and filtered")
+
+
 def scrubbed_without_scripts(browser):
     """A timeline by links, two sessions side by side by a form, and the way between the pages."""
     with browser.page(scripts=False) as page:
@@ -244,7 +287,7 @@ def scrubbed_without_scripts(browser):
         page.click("form.compare button")
         assert "ball_check.mcap" in page.inner_text("h1") + page.inner_text("main")
         page.goto(f"http://{ADDRESS}/sessions")
-        page.click("li:has(a[href='/session/punch.mcap']) >> text=Report")
+        page.click("tr:has(a[href='/session/punch.mcap']) >> text=Report")
         assert "Measurement punch/finish/1" in page.inner_text("main")
     print("without scripts: every page of recordings says the same, the timeline, the comparison and the links work")
 

@@ -129,10 +129,10 @@ class Browser:
         self.chromium, self.requests, self.errors, self.audited = chromium, [], [], 0
 
     @contextlib.contextmanager
-    def page(self, width="1400", scheme="light", scripts=True, touch=False):
+    def page(self, width="1400", scheme="light", scripts=True, touch=False, zone=None):
         size = WIDTHS[width]
         context = self.chromium.new_context(
-            viewport={"width": size[0], "height": size[1]}, color_scheme=scheme, java_script_enabled=scripts, has_touch=touch, bypass_csp=False
+            viewport={"width": size[0], "height": size[1]}, color_scheme=scheme, java_script_enabled=scripts, has_touch=touch, bypass_csp=False, timezone_id=zone
         )
         context.set_default_timeout(kit.patience(120) * 1000)
         page = context.new_page()

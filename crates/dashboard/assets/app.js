@@ -174,7 +174,7 @@ async function take(address) {
   const at = document.getElementById("at");
   if (at && (!cards.length || !document.querySelector(".cards"))) at.replaceWith(/** @type {Node} */ (fresh.getElementById("at")));
   else cards.forEach((card) => put(card.id, card.outerHTML));
-  for (const id of ["instant", "sums", "tiles"]) {
+  for (const id of ["instant", "sums", "tiles", "count", "listed"]) {
     const node = fresh.getElementById(id);
     if (node) document.getElementById(id)?.replaceWith(node);
   }
@@ -198,9 +198,17 @@ choose?.addEventListener("input", () => {
   typed = setTimeout(() => {
     const address = new URLSearchParams(/** @type {any} */ (new FormData(choose)));
     for (const [name, value] of [...address]) if (!value && name !== "dense") address.delete(name);
-    take(`/${address.size ? "?" : ""}${address}`);
+    take(`${new URL(choose.action).pathname}${address.size ? "?" : ""}${address}`);
   }, 60);
 });
+
+/** Recordings that the server had no time to read are asked for until none is left. */
+async function readOn() {
+  if (!document.querySelector("#listed[data-unread]")) return;
+  await take(location.pathname + location.search);
+  setTimeout(readOn, 500);
+}
+setTimeout(readOn, 500);
 choose?.addEventListener("submit", (event) => { event.preventDefault(); });
 
 addEventListener("click", (event) => {

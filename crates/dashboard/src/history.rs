@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use graph::Stamp;
-use probecell_msgs::Correction;
+use probecell_msgs::{Correction, PartReport};
 
 use crate::state::{CellState, Characteristic, wording};
-use crate::view::changed_by;
+use crate::view::{cause, changed_by};
 
 /// A parameter of an effect as one session found it.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +32,38 @@ pub(crate) struct Sized {
     pub(crate) contradicted: bool,
 }
 
+/// A part, and how it ended.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Made {
+    pub(crate) name: String,
+    pub(crate) end: &'static str,
+    /// `good`, `unsure` or `bad`.
+    pub(crate) class: &'static str,
+}
+
+impl Made {
+    fn last_of(cell: &CellState) -> Option<Self> {
+        if cell.is_making() {
+            return Some(Self {
+                name: cell.part.part_id.clone(),
+                end: "not ended",
+                class: "unsure",
+            });
+        }
+        let last = cell.ended.back()?;
+        let class = match last.verdict {
+            PartReport::QUALIFIED => "good",
+            PartReport::MEASURED => "unsure",
+            _ => "bad",
+        };
+        Some(Self {
+            name: last.part_id.clone(),
+            end: last.end(),
+            class,
+        })
+    }
+}
+
 /// What a recording says of a machine.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Summary {
@@ -39,6 +71,12 @@ pub(crate) struct Summary {
     pub(crate) recording: String,
     /// When it begins.
     pub(crate) begin: Stamp,
+    /// The part made last.
+    pub(crate) part: Option<Made>,
+    /// Parts that ended.
+    pub(crate) parts: u64,
+    /// The leading cause of its gap with its size.
+    pub(crate) cause: Option<String>,
     /// Gap over noise of its last report.
     pub(crate) ratio: Option<f64>,
     /// Effects found, by identifier and parameter.
@@ -118,6 +156,9 @@ impl Summary {
         Self {
             recording: recording.to_owned(),
             begin,
+            part: Made::last_of(cell),
+            parts: cell.parts.values().sum(),
+            cause: cause(cell),
             ratio: cell.gap_ratio(),
             effects: effects.collect(),
             declared: declared.collect(),

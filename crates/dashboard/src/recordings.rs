@@ -3,14 +3,14 @@
 //! Names come from addresses, hence from anybody: a name is looked up in the list of what the folders hold and never made
 //! into a path; links are not followed. Bounds: 500 recordings listed, four of them open with at most 24 states each.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use bags::{Bag, Damage, DamageKind, Position};
-use graph::Stamp;
+use graph::{Stamp, topics};
 
 use crate::history::Summary;
 use crate::state::{EventKind, Hall, is_read};
@@ -22,8 +22,11 @@ const LISTED: usize = 500;
 const OPEN: usize = 4;
 /// States kept of each, evenly spread over its messages.
 const STATES: usize = 24;
-/// How long recordings are read for one page of a machine.
+/// How long recordings are read for one page of a machine, and of the list.
 const READING: Duration = Duration::from_secs(20);
+const LISTING: Duration = Duration::from_millis(700);
+/// A recording that is being written is read again when it has grown by this factor.
+const GROWN: f64 = 1.1;
 /// A recording is written at least so often.
 const WRITTEN: Duration = Duration::from_secs(10);
 /// Marks on the timeline.
@@ -48,6 +51,13 @@ pub(crate) struct Recordings {
 
 /// Machines of a recording, by name.
 type Told = Vec<(String, Summary)>;
+
+/// A recording in the list.
+pub(crate) struct Recorded {
+    pub(crate) listed: Listed,
+    /// Its machines by name; none where it was not read yet or cannot be.
+    pub(crate) cells: Option<Told>,
+}
 
 /// A recording that was opened, with states on the way through it.
 pub(crate) struct Opened {
@@ -120,11 +130,10 @@ impl Recordings {
     }
 
     /// All, newest first.
-    pub(crate) fn list(&self) -> Vec<Listed> {
-        self.found()
-            .into_iter()
-            .map(|(name, path)| listed(name, &path).0)
-            .collect()
+    pub(crate) fn list(&self) -> Vec<Recorded> {
+        let mut all = self.read_for(LISTING);
+        all.sort_by_key(|one| std::cmp::Reverse(one.listed.bounds.map(|(begin, _)| begin)));
+        all
     }
 
     /// Path of a recording.
@@ -168,41 +177,45 @@ impl Recordings {
 }
 
 impl Recordings {
-    /// Machines and what their recordings say of them, in the order of time; and how many recordings have not been read yet. One
-    /// call reads for [`READING`]; what was read is kept for as long as the recording stays as it is.
-    pub(crate) fn machines(&self) -> (BTreeMap<String, Vec<Summary>>, usize) {
+    /// All recordings with what they say of their machines, as far as they can be read in a time; what was read is kept for as
+    /// long as the recording stays as it is.
+    fn read_for(&self, time: Duration) -> Vec<Recorded> {
         let begun = Instant::now();
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut unread = 0;
-        let mut here = BTreeSet::new();
-        for (name, path) in self.found() {
-            here.insert(path.clone());
-            let (listed, bag) = listed(name, &path);
-            let is_known = told.get(&path).is_some_and(|(known, _)| *known == listed);
-            if is_known {
-                continue;
-            }
-            let Ok(bag) = bag else { continue };
-            if begun.elapsed() > READING {
-                unread += 1;
-                continue;
-            }
-            let hall = at_end(&bag);
-            let begin = listed.bounds.map_or(Stamp(0), |(begin, _)| begin);
-            let cells = hall.cells();
-            let each = cells.map(|cell| {
-                let summary = Summary::of(cell, &listed.name, begin);
-                (cell.name.clone(), summary)
-            });
-            told.insert(path, (listed.clone(), each.collect()));
+        let lock = || self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = self.found();
+        let mut all = Vec::with_capacity(found.len());
+        for (name, path) in &found {
+            let (listed, bag) = listed(name.clone(), path);
+            let known = lock()
+                .get(path)
+                .filter(|(known, _)| is_still(known, &listed))
+                .map(|(_, told)| told.clone());
+            let cells = match (known, bag) {
+                (Some(told), _) => Some(told),
+                (None, Ok(bag)) if begun.elapsed() < time => {
+                    let told = told_by(&bag, &listed);
+                    lock().insert(path.clone(), (listed.clone(), told.clone()));
+                    Some(told)
+                }
+                _ => None,
+            };
+            all.push(Recorded { listed, cells });
         }
-        told.retain(|path, _| here.contains(path));
+        lock().retain(|path, _| found.iter().any(|(_, known)| known == path));
+        all
+    }
+
+    /// Machines and what their recordings say of them, in the order of time; and how many recordings have not been read yet. One
+    /// call reads for [`READING`].
+    pub(crate) fn machines(&self) -> (BTreeMap<String, Vec<Summary>>, usize) {
+        let all = self.read_for(READING);
+        let unread = all
+            .iter()
+            .filter(|one| one.cells.is_none() && one.listed.bounds.is_some());
+        let unread = unread.count();
         let mut machines: BTreeMap<String, Vec<Summary>> = BTreeMap::new();
-        for (name, summary) in told.values().flat_map(|(_, told)| told) {
-            machines
-                .entry(name.clone())
-                .or_default()
-                .push(summary.clone());
+        for (name, summary) in all.into_iter().filter_map(|one| one.cells).flatten() {
+            machines.entry(name).or_default().push(summary);
         }
         for sessions in machines.values_mut() {
             sessions.sort_by(|a, b| (a.begin, &a.recording).cmp(&(b.begin, &b.recording)));
@@ -211,10 +224,33 @@ impl Recordings {
     }
 }
 
+/// What was read of a recording still holds.
+fn is_still(known: &Listed, now: &Listed) -> bool {
+    let grows = now.under_way && (now.bytes as f64) < known.bytes as f64 * GROWN;
+    known == now || grows
+}
+
+/// Machines of a recording.
+fn told_by(bag: &Bag, listed: &Listed) -> Told {
+    let hall = at_end(bag);
+    let begin = listed.bounds.map_or(Stamp(0), |(begin, _)| begin);
+    let cells = hall.cells();
+    cells
+        .map(|cell| {
+            let summary = Summary::of(cell, &listed.name, begin);
+            (cell.name.clone(), summary)
+        })
+        .collect()
+}
+
 /// The state at the end of a recording.
 fn at_end(bag: &Bag) -> Hall {
     let topics = wanted(bag);
-    let topics: Vec<&str> = topics.iter().map(String::as_str).collect();
+    // Positions of axes are most of the messages, and say nothing of its parts.
+    let topics = topics
+        .iter()
+        .filter(|one| !one.ends_with(topics::JOINT_STATES.name));
+    let topics: Vec<&str> = topics.map(String::as_str).collect();
     let mut hall = Hall::default();
     for message in bag.messages_on(&topics).flatten() {
         let at = Stamp(message.log_time as i64);
@@ -311,9 +347,12 @@ fn listed(name: String, path: &Path) -> (Listed, Result<Bag, bags::Error>) {
         .map(|one| one.to_string_lossy().into_owned())
         .collect();
     let bag = Bag::open(path);
+    let under_way = (bag.as_ref()).is_ok_and(|bag| bag.damage().iter().any(is_written));
     let (bounds, trouble) = match &bag {
         Ok(bag) => {
-            let damage: Vec<String> = bag.damage().iter().map(said_of).collect();
+            let mut damage = bag.damage();
+            damage.retain(|one| !is_written(one));
+            let damage: Vec<String> = damage.iter().map(ToString::to_string).collect();
             (
                 bag.bounds()
                     .map(|(a, b)| (Stamp(a as i64), Stamp(b as i64))),
@@ -327,6 +366,7 @@ fn listed(name: String, path: &Path) -> (Listed, Result<Bag, bags::Error>) {
             name,
             bounds,
             bytes,
+            under_way,
             trouble,
             files: names,
         },
@@ -335,14 +375,10 @@ fn listed(name: String, path: &Path) -> (Listed, Result<Bag, bags::Error>) {
 }
 
 /// A file without an end that was written to just now is no damaged one.
-fn said_of(damage: &Damage) -> String {
+fn is_written(damage: &Damage) -> bool {
     let modified = fs::metadata(&damage.file).and_then(|one| one.modified());
     let age = modified.ok().and_then(|at| at.elapsed().ok());
-    if damage.kind == DamageKind::Truncated && age.is_some_and(|age| age < WRITTEN) {
-        "is being recorded: shown as far as it is written".to_owned()
-    } else {
-        damage.to_string()
-    }
+    damage.kind == DamageKind::Truncated && age.is_some_and(|age| age < WRITTEN)
 }
 
 /// Letters that stand in an address as they are.

@@ -24,7 +24,9 @@ use hyper_util::service::TowerToHyperService;
 
 use self::act::{key_page, offer, sign, token};
 use self::answer::{Look, csv, missing, page};
-use self::recorded::{compare, diagnosis, download, machine, machines, report, session, sessions};
+use self::recorded::{
+    compare, diagnosis, download, machine, machines, report, session, sessions, sessions_csv,
+};
 use self::viewer::viewer;
 use crate::metrics::{Process, metrics};
 use crate::stream::{CLIENTS, Shown, seen_now, stream};
@@ -85,6 +87,7 @@ fn router(shared: Shared) -> Router {
         .route("/events/hall", get(hall_events))
         .route("/events/cell/{*name}", get(cell_events))
         .route("/sessions", get(sessions))
+        .route("/sessions.csv", get(sessions_csv))
         .route("/session/{name}", get(session))
         .route("/session/{name}/report", get(report))
         .route("/session/{name}/diagnosis", get(diagnosis))

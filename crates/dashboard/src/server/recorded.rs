@@ -8,10 +8,10 @@ use axum::response::{Html, IntoResponse, Response};
 use graph::Stamp;
 use serde::Deserialize;
 
-use super::answer::{Look, MakePage, Shared, missing, page};
+use super::answer::{Look, MakePage, Shared, csv, missing, page};
 use crate::recordings::{Opened, RecordingError};
 use crate::state::{CellState, Hall};
-use crate::view::{self, Compared, Place, SessionView, message_page};
+use crate::view::{self, Compared, Listing, Place, SessionView, message_page};
 
 /// Pages of reports kept: a diagnosis takes seconds.
 const KEPT_PAGES: usize = 8;
@@ -20,9 +20,20 @@ const KEPT_PAGES: usize = 8;
 const POLICY_REPORT: &str =
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; frame-ancestors 'none'";
 
-pub(super) async fn sessions(State(shared): State<Shared>) -> Response {
+pub(super) async fn sessions(
+    State(shared): State<Shared>,
+    Query(listing): Query<Listing>,
+) -> Response {
     let folders = shared.recordings.folder_count();
-    blocking(move || page(view::sessions_page(&shared.recordings.list(), folders))).await
+    blocking(move || {
+        let all = shared.recordings.list();
+        page(view::sessions_page(&all, folders, &listing))
+    })
+    .await
+}
+
+pub(super) async fn sessions_csv(State(shared): State<Shared>) -> Response {
+    blocking(move || csv("sessions", view::sessions_csv(&shared.recordings.list()))).await
 }
 
 /// Reading a recording blocks, hence on a thread for that.

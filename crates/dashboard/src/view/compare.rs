@@ -1,10 +1,9 @@
 //! Two sessions side by side.
 
-use graph::Stamp;
 use maud::{Markup, html};
 
 use super::hall::group;
-use super::numbers::{date, signed_um, span, um};
+use super::numbers::{readable, signed_um, span, um, when};
 use super::page::{Frame, Place, frame};
 use super::sessions::Listed;
 use super::sizes::{Size, judged};
@@ -35,7 +34,7 @@ pub fn compare_page(a: &Compared<'_>, b: &Compared<'_>) -> Markup {
         section.card aria-labelledby="summary-title" {
             h2 #summary-title { "Summary" }
             div.scroll tabindex="0" role="region" aria-label="Summary of both sessions" { table.compare {
-                thead { tr { td {} @for one in [a, b] { th scope="col" { a href={ "/session/" (one.listed.name) } { (one.listed.name) } } } } }
+                thead { tr { td {} @for one in [a, b] { th scope="col" { a href={ "/session/" (one.listed.name) } { (readable(&one.listed.name)) } } } } }
                 tbody {
                     tr { th scope="row" { "Begin" } @for one in [a, b] { td { (begin(one)) } } }
                     tr { th scope="row" { "Duration" } @for one in [a, b] { td { (length(one)) } } }
@@ -73,10 +72,8 @@ pub fn compare_page(a: &Compared<'_>, b: &Compared<'_>) -> Markup {
     )
 }
 
-fn begin(one: &Compared<'_>) -> String {
-    one.listed
-        .bounds
-        .map_or_else(String::new, |(begin, _): (Stamp, Stamp)| date(begin))
+fn begin(one: &Compared<'_>) -> Markup {
+    html! { @if let Some((begin, _)) = one.listed.bounds { (when(begin)) } }
 }
 
 fn length(one: &Compared<'_>) -> String {

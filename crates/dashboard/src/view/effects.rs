@@ -7,7 +7,7 @@ use effects::vocabulary;
 use graph::Stamp;
 use maud::{Markup, html};
 
-use super::numbers::date;
+use super::numbers::{date, when};
 use crate::history::{Adoption, Found, Summary};
 
 const WIDTH: f64 = 420.0;
@@ -65,7 +65,7 @@ pub(super) fn effects_of(charted: &Charted<'_>) -> Markup {
             figcaption { b { (vocabulary::describe(&of.0)) } " " code { (of.0) } }
             (chart(of, charted, found))
             details open[found.len() <= UNFOLDED] { summary { "Sizes in " (found.len()) " " (charted.each) } table { thead { tr { th scope="col" { "Begin" } th scope="col" { "Size with 95 % interval" } } } tbody { @for (session, one) in found {
-                tr { th scope="row" { (date(session.begin)) } td { (displayed(of, one.value, &one.unit, Some(one.ci95))) @if one.group > 1 { small { "one of " (one.group) " causes" } } } }
+                tr { th scope="row" { (when(session.begin)) } td { (displayed(of, one.value, &one.unit, Some(one.ci95))) @if one.group > 1 { small { "one of " (one.group) " causes" } } } }
             } } } }
         } } }
     }

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use probecell_msgs::{Correction, CorrectionAcknowledgement};
 
 use super::deeds::deed;
-use super::numbers::{clock, readable, signed_um, um};
+use super::numbers::{moment, readable, signed_um, um};
 use crate::state::{CellState, Entry, wording};
 
 /// Corrections that stand open on the page; those before can be unfolded.
@@ -53,7 +53,7 @@ fn item(cell: &CellState, entry: &Entry, deeds: &Markup, now: Stamp) -> Markup {
             h3 { (changed_by(one)) }
             p.change { b { (value(one.previous_value)) " → " (value(one.new_value)) } " within " (value(one.lower_bound)) " to " (value(one.upper_bound)) }
             ol.steps {
-                li.done { b { "Proposed" } " " (clock(entry.proposed)) " from " code { (one.plan_id) } ", " (one.sequences.len()) " touches: error " (value(one.measured_error)) ", standard uncertainty " span.q { (um(one.standard_uncertainty)) " µm" } }
+                li.done { b { "Proposed" } " " (moment(entry.proposed)) " from " code { (one.plan_id) } ", " (one.sequences.len()) " touches: error " (value(one.measured_error)) ", standard uncertainty " span.q { (um(one.standard_uncertainty)) " µm" } }
                 li.(if waiting || one.approval == Correction::APPROVAL_NONE { "open" } else { "done" }) {
                     b { "Approval" } " "
                     @if waiting { "waits: " code { "probecell approve " (one.correction_id) " " span.q { "--operator NAME" } " " span.q { "--cell CELL.toml" } } }

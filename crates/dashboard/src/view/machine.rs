@@ -8,7 +8,7 @@ use maud::{Markup, html};
 
 use super::effects::{Charted, day, displayed, effects_of};
 use super::months::months;
-use super::numbers::{counted, date, mm, signed_um, um};
+use super::numbers::{counted, mm, signed_um, um, when};
 use super::page::{Frame, Place, frame};
 use super::runs::{cpk, no_index};
 use crate::history::{Adoption, Change, Sized, Summary, adoptions, changes};
@@ -21,8 +21,8 @@ pub(crate) fn machines_page(machines: &BTreeMap<String, Vec<Summary>>, unread: u
         div.title { h1 { "Machines over time" } }
         (still_reading(unread))
         @if machines.is_empty() && unread == 0 { p.lead.empty { "No recording tells of a machine." } }
-        ul.sessions { @for (name, sessions) in machines {
-            li { h2 { a href={ "/machine/" (name) } { (name) } } p { (counted(sessions.len(), "recording")) @if let Some(last) = sessions.last() { ", the newest of " (date(last.begin)) } } }
+        ul.listing { @for (name, sessions) in machines {
+            li { h2 { a href={ "/machine/" (name) } { (name) } } p { (counted(sessions.len(), "recording")) @if let Some(last) = sessions.last() { ", the newest of " (when(last.begin)) } } }
         } }
     };
     whole("Machines over time", &body)
@@ -56,7 +56,7 @@ pub(crate) fn machine_page(
         .map(|one| (one.of.clone(), one.at))
         .collect();
     let body = html! {
-        div.title { h1 { (name) } p { (counted(sessions.len(), "recording")) @if let (Some(first), Some(last)) = (sessions.first(), sessions.last()) { ", " (date(first.begin)) " to " (date(last.begin)) } } p.actions { a.button href="/machines" { "Machines" } } }
+        div.title { h1 { (name) } p { (counted(sessions.len(), "recording")) @if let (Some(first), Some(last)) = (sessions.first(), sessions.last()) { ", " (when(first.begin)) " to " (when(last.begin)) } } p.actions { a.button href="/machines" { "Machines" } } }
         (still_reading(unread))
         section.card aria-labelledby="changes-title" { h2 #changes-title { "Changes" } (change_list(&changes, &adoptions)) }
         section.card aria-labelledby="effects-title" { h2 #effects-title { "Effects" } (effects_of(&Charted { sessions, each: "sessions", changes: &marks, adoptions: &adoptions })) }
@@ -86,7 +86,7 @@ fn change(one: &Change) -> Markup {
         text.trim_start_matches(&name).to_owned()
     });
     html! {
-        li.unsure { time { (date(one.at)) } " " b { (vocabulary::describe(&one.of.0)) } ": " (one.of.1) " = " (before) " → " (after)
+        li.unsure { (when(one.at)) " " b { (vocabulary::describe(&one.of.0)) } ": " (one.of.1) " = " (before) " → " (after)
             @if one.done.is_empty() { small { "The recordings do not tell of anything that was done between: service, collision, temperature?" } }
             @else { small { "Done since the session before:" } }
             @for done in &one.done { small { (done) } }
@@ -96,7 +96,7 @@ fn change(one: &Change) -> Markup {
 
 fn adoption(one: &Adoption) -> Markup {
     html! {
-        li.good { time { (date(one.at)) } " " b { (one.description()) }
+        li.good { (when(one.at)) " " b { (one.description()) }
             @if let [Some(before), Some(after)] = one.ratios { ": gap " (format!("{before:.1} → {after:.1}")) " × noise" }
             @if !one.kept.is_empty() { small { (one.kept) } }
         }
@@ -187,8 +187,8 @@ fn kept(sessions: &[Summary]) -> Markup {
     html! {
         @if !any { p.none { "No correction was applied, and no effect is declared." } }
         ul.faults { @for session in sessions {
-            @for one in &session.applied { li { time { (date(session.begin)) } " " (one) } }
-            @for (effect, text) in &session.declared { li { time { (date(session.begin)) } " Declared: " (vocabulary::describe(effect)) ", " (text) } }
+            @for one in &session.applied { li { (when(session.begin)) " " (one) } }
+            @for (effect, text) in &session.declared { li { (when(session.begin)) " Declared: " (vocabulary::describe(effect)) ", " (text) } }
         } }
     }
 }
@@ -198,7 +198,7 @@ fn all(sessions: &[Summary]) -> Markup {
         thead { tr { th scope="col" { "Recording" } th scope="col" { "Begin" } th.number scope="col" { "Gap / noise" } th scope="col" { "Offsets at the end, µm" } th scope="col" { "Temperatures at the end, °C" } } }
         tbody { @for one in sessions { tr {
             th scope="row" { a href={ "/session/" (one.recording) } { (one.recording) } }
-            td data-label="Begin" { (date(one.begin)) }
+            td data-label="Begin" { (when(one.begin)) }
             td.number data-label="Gap / noise" { (one.ratio.map_or("–".to_owned(), |ratio| format!("{ratio:.1}"))) }
             td data-label="Offsets at the end, µm" { (one.offsets.iter().map(|(name, value)| format!("{name} {}", signed_um(*value))).collect::<Vec<_>>().join(" · ")) }
             td data-label="Temperatures at the end, °C" { (one.temperatures.iter().map(|(name, value)| format!("{name} {value:.1}")).collect::<Vec<_>>().join(" · ")) }

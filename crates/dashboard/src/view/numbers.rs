@@ -1,6 +1,7 @@
 //! Numbers, times and names for people.
 
 use graph::Stamp;
+use maud::{Markup, html};
 
 use crate::state::CellState;
 
@@ -90,6 +91,21 @@ pub(super) fn clock(at: Stamp) -> String {
     rfc3339(at).get(11..19).unwrap_or_default().to_owned()
 }
 
+/// An instant that a script tells by the clock of the viewer; without one it is UTC.
+fn instant(at: Stamp, text: &str) -> Markup {
+    html! { time datetime=(rfc3339(at)) { (text) } }
+}
+
+/// Time of day.
+pub(super) fn moment(at: Stamp) -> Markup {
+    instant(at, &clock(at))
+}
+
+/// Date and time to the minute.
+pub(super) fn when(at: Stamp) -> Markup {
+    instant(at, date(at).get(..16).unwrap_or_default())
+}
+
 /// Date and time, UTC, to the second.
 pub(super) fn date(at: Stamp) -> String {
     rfc3339(at)
@@ -109,7 +125,7 @@ pub(super) fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{plural}")
 }
 
-/// An identifier with a time of day (UTC) for each stamp in ns within it: nobody reads nineteen digits.
+/// An identifier with a time of day (UTC) for each stamp in ns or ms within it: nobody reads nineteen digits.
 pub(super) fn readable(identifier: &str) -> String {
     let mut said = String::with_capacity(identifier.len());
     let is_digit = |letter: char| letter.is_ascii_digit();
@@ -121,6 +137,7 @@ pub(super) fn readable(identifier: &str) -> String {
         said.push_str(before);
         match digits.parse() {
             Ok(stamp) if digits.len() == 19 => said.push_str(&clock(Stamp(stamp))),
+            Ok(stamp) if digits.len() == 13 => said.push_str(&clock(Stamp(stamp * 1_000_000))),
             _ => said.push_str(digits),
         }
         rest = after;
@@ -170,6 +187,7 @@ mod tests {
     #[test]
     fn stamps_in_identifiers_are_times_of_day() {
         assert_eq!(readable("balls#1764037000123456789/1"), "balls#02:16:40/1");
+        assert_eq!(readable("mill_1764037000123"), "mill_02:16:40");
         assert_eq!(readable("punch_1/finish/12"), "punch_1/finish/12");
         assert_eq!(counted(1, "recording"), "1 recording");
         assert_eq!(counted(0, "recording"), "0 recordings");

@@ -8,7 +8,7 @@ use probecell_msgs::{
 
 use super::deeds::{deed, deed_asking};
 use super::hall::{attention_of, doing};
-use super::numbers::{clock, counted, last_word, minus, readable, span};
+use super::numbers::{counted, last_word, minus, moment, readable, span};
 use crate::state::{CellState, EventKind, Hall, wording};
 
 /// Events shown.
@@ -145,18 +145,18 @@ pub(super) fn faults(cell: &CellState, hall: &Hall) -> Markup {
         @if cell.faults.is_empty() && alarms.is_empty() { p.none { "No fault has been reported." } }
         @if !cell.faults.is_empty() {
             ul.faults { @for (at, fault) in cell.faults.iter().rev() {
-                li.(if fault.severity == Fault::ERROR { "bad" } else { "unsure" }) { time { (clock(*at)) } " " b { (fault.node) } " " (fault.text) " " code { (fault.code) } }
+                li.(if fault.severity == Fault::ERROR { "bad" } else { "unsure" }) { (moment(*at)) " " b { (fault.node) } " " (fault.text) " " code { (fault.code) } }
             } }
         }
         @if cell.losses.is_empty() { p.none { "No message of this cell was lost." } }
         @if !cell.losses.is_empty() {
             ul.faults { @for (at, loss) in cell.losses.iter().rev() {
-                li.(if loss.recovered { "" } else { "unsure" }) { time { (clock(*at)) } " " (counted(loss.count as usize, "message")) " of " (loss.topic) @if loss.recovered { " arrived late" } @else if loss.count == 1 { " is lost" } @else { " are lost" } ", noticed by " (loss.observer) }
+                li.(if loss.recovered { "" } else { "unsure" }) { (moment(*at)) " " (counted(loss.count as usize, "message")) " of " (loss.topic) @if loss.recovered { " arrived late" } @else if loss.count == 1 { " is lost" } @else { " are lost" } ", noticed by " (loss.observer) }
             } }
         }
         details.events {
             summary { b { "What happened" } " (newest first, without touches)" }
-            ul { @for event in events { li { time { (clock(event.at)) } " " (event.text) } } }
+            ul { @for event in events { li { (moment(event.at)) " " (event.text) } } }
         }
     }
 }

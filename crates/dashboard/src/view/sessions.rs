@@ -1,10 +1,10 @@
-//! Recordings: the list, and one of them at an instant.
+//! A recording at an instant.
 
 use graph::Stamp;
 use maud::{Markup, html};
 
 use super::cell::sections;
-use super::numbers::{clock, counted, date, span};
+use super::numbers::{moment, readable, span, when};
 use super::page::{Frame, Place, frame};
 use super::picture::View;
 use crate::state::{CellState, Hall};
@@ -18,53 +18,20 @@ pub struct Listed {
     pub bounds: Option<(Stamp, Stamp)>,
     /// Bytes of its files.
     pub bytes: u64,
+    /// It is being written.
+    pub under_way: bool,
     /// Why it cannot be read, or what is damaged.
     pub trouble: String,
     /// Its `.mcap` files, by name.
     pub files: Vec<String>,
 }
 
-/// The list.
-pub fn sessions_page(all: &[Listed], folders: usize) -> Markup {
-    let body = html! {
-        div.title { h1 { "Sessions" } p { (counted(all.len(), "recording")) " in " (counted(folders, "folder")) } p.actions { a.button href="/machines" { "Machines over time" } } }
-        @if all.is_empty() { p.lead.empty { "No recording is in the folder. " code { "probecell up" } " records each session; name other folders with " code { "--recordings DIR" } "." } }
-        @if all.len() > 1 {
-            form.compare action="/compare" method="get" {
-                label { "Compare " select name="a" { @for one in all { option value=(one.name) { (one.name) } } } }
-                label { " with " select name="b" { @for (index, one) in all.iter().enumerate() { option value=(one.name) selected[index == 1] { (one.name) } } } }
-                button type="submit" { "Side by side" }
-            }
-        }
-        ul.sessions {
-            @for one in all {
-                li {
-                    h2 { a href={ "/session/" (one.name) } { (one.name) } }
-                    p { @if let Some((begin, end)) = one.bounds { (date(begin)) ", " (span(end.since_s(begin))) ", " } (format!("{:.1} MB", one.bytes as f64 / 1e6)) }
-                    @if !one.trouble.is_empty() { p.mark { (one.trouble) } }
-                    p.actions { (links(one)) }
-                }
-            }
-        }
-    };
-    frame(
-        &Frame {
-            title: "Sessions",
-            place: Place::Sessions,
-            class: "sessions",
-            stream: None,
-            seen: "",
-        },
-        &body,
-    )
-}
-
-fn links(one: &Listed) -> Markup {
+pub(super) fn links(one: &Listed) -> Markup {
     html! {
-        a.button href={ "/session/" (one.name) "/report" } { "Report" span.sr { " of " (one.name) } } " "
-        a.button href={ "/session/" (one.name) "/diagnosis" } { "Diagnosis" span.sr { " of " (one.name) } } " "
+        a.button href={ "/session/" (one.name) "/report" } { "Report" span.sr { " of " (readable(&one.name)) } } " "
+        a.button href={ "/session/" (one.name) "/diagnosis" } { "Diagnosis" span.sr { " of " (readable(&one.name)) } } " "
         @for (index, file) in one.files.iter().enumerate() {
-            a.button href={ "/session/" (one.name) "/mcap/" (index) } download { "MCAP" @if one.files.len() > 1 { " " (index + 1) } span.sr { ": " (file) } } " "
+            a.button href={ "/session/" (one.name) "/mcap/" (index) } download { "MCAP" @if one.files.len() > 1 { " " (index + 1) } span.sr { ": " (readable(file)) } } " "
         }
     }
 }
@@ -93,11 +60,11 @@ pub fn session_page(session: &SessionView<'_>) -> Markup {
     let (at, length) = (session.at.since_s(begin), end.since_s(begin));
     let path = format!("/session/{name}?t={at:.2}");
     let body = html! {
-        div.title { h1 { (name) } p { (date(begin)) ", " (span(length)) } p.actions { (links(listed)) } }
+        div.title { h1 title=(name) { (readable(name)) } p { (when(begin)) ", " (span(length)) @if listed.under_way { ", being recorded: shown as far as it is written" } } p.actions { (links(listed)) } }
         @if !listed.trouble.is_empty() { p.mark { (listed.trouble) } }
         form.timeline #timeline action={ "/session/" (name) } method="get" {
             label for="t" { "Instant" } " "
-            output #instant for="t" { b { (format!("{at:.1} s")) } " of " (format!("{length:.1} s")) ", " (clock(session.at)) }
+            output #instant for="t" { b { (format!("{at:.1} s")) } " of " (format!("{length:.1} s")) ", " (moment(session.at)) }
             input #t name="t" type="range" min="0" max=(format!("{length:.2}")) step="0.05" value=(format!("{at:.2}"));
             (marks(session.marks, length))
             div.steps {

@@ -73,7 +73,7 @@ fn tolerance(worst: Option<&Worst>, limits: (f64, f64)) -> Markup {
 }
 
 /// A sign of a class of verdicts that does not need colour.
-fn sign_of(class: &str) -> &'static str {
+pub(super) fn sign_of(class: &str) -> &'static str {
     match class {
         "good" => "✓",
         "unsure" => "◆",
@@ -94,7 +94,7 @@ fn cause_and_size(cell: &CellState) -> Option<(String, String)> {
 }
 
 /// The same in one text.
-pub(super) fn cause(cell: &CellState) -> Option<String> {
+pub(crate) fn cause(cell: &CellState) -> Option<String> {
     cause_and_size(cell).map(|(name, size)| format!("{name} {size}").trim_end().to_owned())
 }
 

@@ -129,6 +129,7 @@ fn a_feature_without_a_verdict_that_a_reference_contradicts_is_none_that_conform
         name: "punch_uncalibrated.mcap".to_owned(),
         bounds: None,
         bytes: 0,
+        under_way: false,
         trouble: String::new(),
         files: Vec::new(),
     };
