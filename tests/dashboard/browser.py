@@ -107,7 +107,6 @@ def live_cells(browser, folder, line):
         assert "punch_1, qualified" in hall.evaluate(tile), hall.evaluate(tile)
         assert hall.evaluate("window.said.some((one) => one.includes('can be corrected'))"), hall.evaluate("window.said")
         print("hall: a verdict changed the tile")
-        told = hall.evaluate(TILE, "#tile-mill_a")
         asked.end()
         browser.audit("/", "hall")
         browser.audit("/?wall", "wall")
@@ -120,9 +119,9 @@ def live_cells(browser, folder, line):
             assert plain.locator("noscript meta[http-equiv=refresh], meta[http-equiv=refresh]").count() == 1
             plain.goto(f"http://{ADDRESS}/cell/mill_a")
             assert "Wear of tool 2" in plain.inner_text("#ledger") and plain.locator("#part svg g.touch").count() == 32
-            view = plain.locator("#part svg").inner_html()
+            view = plain.locator("#part svg.part").inner_html()
             plain.click("#part .turn a[aria-label='Turn left']")
-            assert plain.locator("#part svg").inner_html() != view
+            assert plain.locator("#part svg.part").inner_html() != view
         print("without scripts: the state is there, renews itself, and the part turns")
 
         # The tile that needs a person comes first; not while a pointer is over the tiles, but when asked.
@@ -130,6 +129,7 @@ def live_cells(browser, folder, line):
         assert order()[0] in ("tile-mill_a", "tile-mill_b")
         hall.hover("#tile-mill_a")
         held = order()
+        told = hall.evaluate(TILE, "#tile-mill_a")
         begun = time.monotonic()
         second.kill()
         wait(hall, "document.querySelector('#tile-mill_b').innerText.includes('silent')")

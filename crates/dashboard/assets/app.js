@@ -47,8 +47,26 @@ function put(id, html) {
   const open = [...old.querySelectorAll("details")].map((one) => one.open);
   fresh.querySelectorAll("details").forEach((one, index) => { if (index < open.length) one.open = open[index]; });
   const focused = [...old.querySelectorAll("a, button, summary, [tabindex]")].indexOf(/** @type {Element} */ (document.activeElement));
-  old.replaceWith(fresh);
+  if (!around(old, fresh)) old.replaceWith(fresh);
   if (focused >= 0) /** @type {HTMLElement[]} */ ([...fresh.querySelectorAll("a, button, summary, [tabindex]")])[focused]?.focus({ preventScroll: true });
+  dispatchEvent(new Event("put"));
+}
+
+/** Puts what stands around a picture that a script draws: the picture itself takes the new data and stays where it is, under the
+ * pointer that turns it. @param {Element} old @param {Element} fresh */
+function around(old, fresh) {
+  const kept = /** @type {HTMLElement | null} */ (old.querySelector(".scene:has(canvas)"));
+  const next = /** @type {HTMLElement | null} */ (fresh.querySelector(".scene"));
+  if (!kept || !next) return false;
+  Object.assign(kept.dataset, next.dataset);
+  for (const one of [...old.children]) if (one !== kept) one.remove();
+  let behind = false;
+  for (const one of [...fresh.children]) {
+    if (one === next) behind = true;
+    else if (behind) old.append(one);
+    else old.insertBefore(one, kept);
+  }
+  return true;
 }
 
 /** Says something that stays until it is closed. @param {string} text */
@@ -188,6 +206,30 @@ async function take(address) {
     follow();
   }
 }
+
+// --- saving a chart ---------------------------------------------------------------------------------------------------
+
+const STYLES = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-dasharray", "opacity", "font-family", "font-size", "font-weight"];
+
+addEventListener("click", (event) => {
+  const button = /** @type {HTMLElement | null} */ (/** @type {Element} */ (event.target).closest?.("[data-save]"));
+  const chart = button?.closest("figure")?.querySelector("svg");
+  if (!button || !chart) return;
+  const copy = /** @type {SVGSVGElement} */ (chart.cloneNode(true));
+  // What the style sheet gives goes with it.
+  const copies = [copy, ...copy.querySelectorAll("*")];
+  [chart, ...chart.querySelectorAll("*")].forEach((one, index) => {
+    const style = getComputedStyle(one);
+    for (const name of STYLES) copies[index].setAttribute(name, style.getPropertyValue(name));
+  });
+  copy.setAttribute("xmlns", "http://www.w3.org/2000/svg");
+  copy.style.background = getComputedStyle(document.documentElement).getPropertyValue("--card");
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([new XMLSerializer().serializeToString(copy)], { type: "image/svg+xml" }));
+  link.download = `${button.dataset.save}.svg`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+});
 
 // --- choosing machines ------------------------------------------------------------------------------------------------
 

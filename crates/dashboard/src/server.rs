@@ -7,7 +7,7 @@ mod own;
 mod recorded;
 mod viewer;
 
-use std::future::{Future, Ready, ready};
+use std::future::Future;
 use std::io;
 use std::time::Duration;
 
@@ -25,7 +25,8 @@ use hyper_util::service::TowerToHyperService;
 use self::act::{key_page, offer, sign, token};
 use self::answer::{Look, csv, missing, page};
 use self::recorded::{
-    compare, diagnosis, download, machine, machines, report, session, sessions, sessions_csv,
+    compare, diagnosis, download, machine, machines, report, session, session_description,
+    sessions, sessions_csv,
 };
 use self::viewer::viewer;
 use crate::metrics::{Process, metrics};
@@ -43,6 +44,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 const HEAD: Duration = Duration::from_secs(5);
 /// Between two attempts to take a connection where there is no room for one.
 const NO_ROOM: Duration = Duration::from_millis(50);
+const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Serves until `end`.
 pub(crate) async fn serve(
@@ -84,11 +86,13 @@ fn router(shared: Shared) -> Router {
         .route("/", get(hall))
         .route("/hall.csv", get(hall_csv))
         .route("/cell/{*name}", get(cell))
+        .route("/description/{*name}", get(description))
         .route("/events/hall", get(hall_events))
         .route("/events/cell/{*name}", get(cell_events))
         .route("/sessions", get(sessions))
         .route("/sessions.csv", get(sessions_csv))
         .route("/session/{name}", get(session))
+        .route("/session/{name}/description", get(session_description))
         .route("/session/{name}/report", get(report))
         .route("/session/{name}/diagnosis", get(diagnosis))
         .route("/session/{name}/mcap/{index}", get(download))
@@ -101,37 +105,7 @@ fn router(shared: Shared) -> Router {
         .route("/act/token", get(token))
         .route("/act/offer", post(offer))
         .route("/act", post(sign))
-        .route(
-            "/assets/style.css",
-            get(|| {
-                asset(
-                    "text/css; charset=utf-8",
-                    include_str!("../assets/style.css"),
-                )
-            }),
-        )
-        .route(
-            "/assets/app.js",
-            get(|| {
-                asset(
-                    "text/javascript; charset=utf-8",
-                    include_str!("../assets/app.js"),
-                )
-            }),
-        )
-        .route(
-            "/assets/acts.js",
-            get(|| {
-                asset(
-                    "text/javascript; charset=utf-8",
-                    include_str!("../assets/acts.js"),
-                )
-            }),
-        )
-        .route(
-            "/assets/icon.svg",
-            get(|| asset("image/svg+xml", include_str!("../assets/icon.svg"))),
-        )
+        .route("/assets/{*name}", get(asset))
         .fallback(|| async { missing("There is no such page.") })
         .layer(from_fn_with_state(shared.clone(), looked))
         .layer(from_fn_with_state(shared.clone(), own::own_host))
@@ -170,14 +144,32 @@ async fn guarded(request: Request, next: Next) -> Response {
     response
 }
 
-fn asset(kind: &'static str, content: &'static str) -> Ready<impl IntoResponse> {
-    ready((
-        [
-            (header::CONTENT_TYPE, kind),
-            (header::CACHE_CONTROL, "no-cache"),
-        ],
-        content,
-    ))
+/// What pages load.
+async fn asset(Path(name): Path<String>) -> Response {
+    let (kind, content) = match name.as_str() {
+        "style.css" => (
+            "text/css; charset=utf-8",
+            include_str!("../assets/style.css"),
+        ),
+        "app.js" => (SCRIPT, include_str!("../assets/app.js")),
+        "acts.js" => (SCRIPT, include_str!("../assets/acts.js")),
+        "scene.js" => (SCRIPT, include_str!("../assets/scene.js")),
+        "icon.svg" => ("image/svg+xml", include_str!("../assets/icon.svg")),
+        "vendor/three.module.min.js" => {
+            (SCRIPT, include_str!("../assets/vendor/three.module.min.js"))
+        }
+        "vendor/three.core.min.js" => (SCRIPT, include_str!("../assets/vendor/three.core.min.js")),
+        "vendor/three.LICENSE" => (
+            "text/plain; charset=utf-8",
+            include_str!("../assets/vendor/three.LICENSE"),
+        ),
+        _ => return missing("There is no such page."),
+    };
+    let headers = [
+        (header::CONTENT_TYPE, kind),
+        (header::CACHE_CONTROL, "no-cache"),
+    ];
+    (headers, content).into_response()
 }
 
 async fn hall(State(shared): State<Shared>, Query(choice): Query<Choice>) -> Response {
@@ -221,6 +213,13 @@ async fn cell(
             "No cell of this name has been heard. It may not have started yet, or have left a while ago.",
         ),
     }
+}
+
+/// Description of the machine of a cell, for the picture in three dimensions.
+async fn description(State(shared): State<Shared>, Path(name): Path<String>) -> Response {
+    let hall = shared.live.hall();
+    let text = hall.cell(&name).map(|cell| cell.description.to_string());
+    text.map_or_else(|| missing("No such machine."), IntoResponse::into_response)
 }
 
 async fn hall_events(

@@ -248,7 +248,11 @@ impl Client {
                         // Those that are much work change with messages only, not with time.
                         let still = matches!(
                             one,
-                            Section::Part | Section::Sizes | Section::Runs | Section::Gap
+                            Section::Part
+                                | Section::Sizes
+                                | Section::Runs
+                                | Section::Why
+                                | Section::Gap
                         );
                         let revision = cell.revisions.get(&one).copied().unwrap_or_default();
                         if self.written.insert(one, revision) == Some(revision) && still {

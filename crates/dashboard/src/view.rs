@@ -17,11 +17,13 @@ mod page;
 mod parts;
 mod picture;
 mod runs;
+mod save;
 mod sessions;
 mod sizes;
 mod small;
 mod terminal;
 mod tile;
+mod why;
 
 pub use cell::{cell_page, section, section_id};
 pub use choice::Choice;

@@ -95,6 +95,25 @@ pub(super) async fn session(
     .await
 }
 
+/// Description of the machine of a recording.
+pub(super) async fn session_description(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+    Query(look): Query<Look>,
+) -> Response {
+    blocking(move || {
+        let opened = match shared.recordings.open(&name) {
+            Ok(opened) => opened,
+            Err(error) => return refused(&error),
+        };
+        let hall = opened.at(instant(&opened, None));
+        let cell = chosen(&hall, look.cell.as_deref());
+        cell.map_or_else(String::new, |cell| cell.description.to_string())
+            .into_response()
+    })
+    .await
+}
+
 pub(super) async fn machines(State(shared): State<Shared>) -> Response {
     blocking(move || {
         let (mut machines, unread) = shared.recordings.machines();

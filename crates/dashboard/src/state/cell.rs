@@ -40,6 +40,8 @@ pub enum Section {
     Ledger,
     /// Faults and losses.
     Faults,
+    /// How large the gap is, and what to do.
+    Why,
     /// Gap report.
     Gap,
     /// Axes and temperatures.
@@ -48,10 +50,11 @@ pub enum Section {
 
 impl Section {
     /// All, in the order of the page.
-    pub const ALL: [Self; 9] = [
-        Self::State,
-        Self::Ledger,
+    pub const ALL: [Self; 10] = [
         Self::Part,
+        Self::State,
+        Self::Why,
+        Self::Ledger,
         Self::Sizes,
         Self::Gap,
         Self::Runs,
@@ -130,6 +133,8 @@ pub struct CellState {
     pub left: Option<Stamp>,
     pub(super) machine_bytes: Vec<u8>,
     pub(super) joints_bytes: Vec<u8>,
+    /// Description of the machine (URDF), at most 1 MiB.
+    pub description: Arc<str>,
     /// The part that is being made.
     pub part: PartStatus,
     /// The part that was being made when the cell fell silent.
@@ -285,7 +290,7 @@ impl CellState {
     /// Why the readings of this cell may be wrong, a sentence without its stop: its diagnosis names the probe as a cause of the
     /// gap, alone or among others.
     pub fn doubt(&self) -> Option<String> {
-        let (gap, report) = (self.gap.as_ref()?, self.report.as_ref()?);
+        let report = self.report.as_ref()?;
         let is_of_probe = |one: &&String| one.starts_with("probe.");
         let suspect = report.effects.iter().find_map(|effect| {
             let mut own = std::iter::once(&effect.effect).chain(&effect.group);
@@ -294,13 +299,12 @@ impl CellState {
         let (effect, cause) = suspect?;
         let rivals = match effect.group.len() {
             0 | 1 => String::new(),
-            count => format!(", one of {count} causes that the touches cannot tell apart"),
+            count => format!(", one of {count} causes"),
         };
+        let words = vocabulary::describe(cause);
         Some(format!(
-            "the diagnosis of {} says that the probe may be wrong ({}{rivals}), so that the error may be of the readings and \
-             not of the part: check the probe first",
-            gap.plan_id,
-            vocabulary::describe(cause),
+            "the probe may be wrong ({}{rivals}): check it first, the error may be of the readings",
+            vocabulary::short(&words),
         ))
     }
 

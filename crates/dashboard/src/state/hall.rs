@@ -64,6 +64,7 @@ pub fn kept_topics() -> [graph::Topic; 7] {
 /// Names of topics that the dashboard reads, with their types. Faults are read on any `NODE/faults`.
 pub fn read_topics() -> Vec<graph::Topic> {
     let wanted = [
+        topics::ROBOT_DESCRIPTION,
         topics::MACHINE_STATE,
         topics::JOINT_STATES,
         topics::PART_STATUS,

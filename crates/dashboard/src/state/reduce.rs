@@ -7,7 +7,7 @@ use graph::{Stamp, topics};
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, GapReport, InspectionPlan,
     LossReport, MachineState, MeasurementOrder, Message, PartReport, PartStatus, PassDecision,
-    PlanId, PlanProgress, RecordingStatus, TouchDeviation, Verdict, from_cdr,
+    PlanId, PlanProgress, RecordingStatus, TouchDeviation, Verdict, from_cdr, std_msgs,
 };
 
 use super::cell::{CellState, Characteristic, RunChartPoint, Section, Touch};
@@ -15,6 +15,8 @@ use super::events::EventKind;
 use super::ledger::{part_of, part_of_run};
 use super::wording;
 
+/// Letters of the description of a machine.
+const DESCRIPTION: usize = 1 << 20;
 /// Parts of a run chart.
 const PARTS: usize = 200;
 /// Characteristics with a run chart.
@@ -52,6 +54,13 @@ impl CellState {
             n if n == topics::JOINT_STATES.name => {
                 bytes.clone_into(&mut self.joints_bytes);
                 self.changed(&[Section::Axes]);
+                None
+            }
+            n if n == topics::ROBOT_DESCRIPTION.name => {
+                let text: std_msgs::String = read(bytes)?;
+                if text.data.len() <= DESCRIPTION {
+                    self.description = text.data.into();
+                }
                 None
             }
             n if n == topics::MACHINE_STATE.name => self.machine_said(bytes),
@@ -394,7 +403,7 @@ impl CellState {
         self.part_diagnosed(&report);
         self.gap = Some(Arc::new(report));
         // A correction that waits is shown with what the diagnosis says of the probe.
-        self.changed(&[Section::Gap, Section::State, Section::Ledger]);
+        self.changed(&[Section::Why, Section::Gap, Section::State, Section::Ledger]);
         Some((EventKind::Gap, text))
     }
 

@@ -6,7 +6,8 @@ use maud::{Markup, html};
 use super::numbers::cell_title;
 use super::page::{Frame, Place, frame};
 use super::picture::{View, picture};
-use super::{gap, ledger, parts, runs, sizes};
+use super::small::strip_length;
+use super::{gap, ledger, parts, runs, sizes, why};
 use crate::state::{CellState, Hall, Section};
 
 /// Element of a section.
@@ -19,6 +20,7 @@ pub fn section_id(section: Section) -> &'static str {
         Section::Runs => "runs",
         Section::Ledger => "ledger",
         Section::Faults => "faults",
+        Section::Why => "why",
         Section::Gap => "gap",
         Section::Axes => "axes",
     }
@@ -27,12 +29,13 @@ pub fn section_id(section: Section) -> &'static str {
 fn title_of(section: Section) -> &'static str {
     match section {
         Section::State => "State",
-        Section::Part => "Part",
+        Section::Part => "Machine and part",
         Section::Order => "Measuring order",
         Section::Sizes => "Sizes",
         Section::Runs => "Over parts",
         Section::Ledger => "Corrections",
         Section::Faults => "Faults and losses",
+        Section::Why => "Why, and what to do",
         Section::Gap => "Why it differs from the model",
         Section::Axes => "Axes and temperatures",
     }
@@ -57,9 +60,10 @@ pub fn section(
                 Section::Part => (picture(cell, view, path)),
                 Section::Order => (parts::order(cell, now)),
                 Section::Sizes => (sizes::sizes(cell)),
-                Section::Runs => (runs::runs(cell)),
+                Section::Runs => (runs::runs(cell, now, strip_length(hall, now))),
                 Section::Ledger => (ledger::ledger(cell, acts, now)),
                 Section::Faults => (parts::faults(cell, hall)),
+                Section::Why => (why::why(cell)),
                 Section::Gap => (gap::gap(cell, acts)),
                 Section::Axes => (parts::axes(cell)),
             }

@@ -4,6 +4,7 @@ use graph::Stamp;
 use serde::Deserialize;
 
 use super::hall::{attention_of, doing};
+use super::save::encoded;
 use super::tile::cause;
 use crate::state::{Attention, CellState, Hall};
 
@@ -136,15 +137,6 @@ impl Choice {
         }
         cells
     }
-}
-
-/// As a value of a query: whatever is no letter or digit of ASCII by its bytes.
-fn encoded(text: &str) -> String {
-    let byte = |one: u8| match one {
-        b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'_' | b'-' | b'.' => char::from(one).to_string(),
-        other => format!("%{other:02X}"),
-    };
-    text.bytes().take(4 * WORDS).map(byte).collect()
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use graph::Stamp;
 use maud::{Markup, html};
 
 use super::numbers::{date, when};
+use super::save::save;
 use crate::history::{Adoption, Found, Summary};
 
 const WIDTH: f64 = 420.0;
@@ -64,11 +65,18 @@ pub(super) fn effects_of(charted: &Charted<'_>) -> Markup {
         div.charts { @for (of, found) in &series { figure {
             figcaption { b { (vocabulary::describe(&of.0)) } " " code { (of.0) } }
             (chart(of, charted, found))
+            (save(&of.0, &["begin/UTC", "parameter", "value", "unit", "low", "high"], found.iter().map(|(session, one)| saved(of, session, one))))
             details open[found.len() <= UNFOLDED] { summary { "Sizes in " (found.len()) " " (charted.each) } table { thead { tr { th scope="col" { "Begin" } th scope="col" { "Size with 95 % interval" } } } tbody { @for (session, one) in found {
                 tr { th scope="row" { (when(session.begin)) } td { (displayed(of, one.value, &one.unit, Some(one.ci95))) @if one.group > 1 { small { "one of " (one.group) " causes" } } } }
             } } } }
         } } }
     }
+}
+
+fn saved(of: &(String, String), session: &Summary, one: &Found) -> Vec<String> {
+    let [low, high] = one.ci95.map(|end| end.to_string());
+    let (begin, value) = (date(session.begin), one.value.to_string());
+    vec![begin, of.1.clone(), value, one.unit.clone(), low, high]
 }
 
 /// Sizes over time with their intervals; changes as lines.

@@ -1,4 +1,4 @@
-//! The gap report: how large, why, what to do, what to measure next.
+//! The gap report in full: every cause, where, what to measure next; and what to do.
 
 use diagnosis::report::{Effect, NextMeasurement, Place};
 use diagnosis::{Report, Verdict, in_display_units};
@@ -7,23 +7,16 @@ use maud::{Markup, html};
 
 use super::deeds::deed;
 use super::numbers::{minus, probability, um};
-use crate::state::{CellState, wording};
+use crate::state::CellState;
 
 /// Places shown of where the gap is.
 const PLACES: usize = 4;
 
 /// The section.
 pub(super) fn gap(cell: &CellState, takes_acts: bool) -> Markup {
-    let Some(gap) = &cell.gap else {
-        return html! { p.none { "No measurement has been diagnosed yet." } };
-    };
     html! {
-        p.headline {
-            b { (wording::gap(gap.verdict)) }
-            @if let Some(ratio) = cell.gap_ratio() { ", " b { (format!("{ratio:.1}")) " × noise" } }
-            small { (um(gap.rms)) " µm rms over a noise of " (um(gap.noise_floor)) " µm, " (gap.samples) " touches of " code { (gap.plan_id) } }
-        }
         @if let Some(report) = &cell.report { (in_full(report, &|number| deeds(cell, takes_acts, report, number))) }
+        @else { p.none { "No measurement has been diagnosed yet." } }
     }
 }
 
@@ -35,7 +28,6 @@ fn deeds(cell: &CellState, takes_acts: bool, report: &Report, number: usize) -> 
 
 fn in_full(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
     html! {
-        (what_to_do(report))
         @for (number, effect) in report.effects.iter().enumerate() {
             @let group = if effect.group.is_empty() { std::slice::from_ref(&effect.effect) } else { &effect.group };
             div.cause {
@@ -76,7 +68,7 @@ struct Step {
 
 /// The next steps, those first that are about most of the gap: the remedy where a single cause is left, else the touches that part
 /// the causes.
-fn what_to_do(report: &Report) -> Markup {
+pub(super) fn what_to_do(report: &Report) -> Markup {
     let mut steps = steps(report);
     steps.sort_by(|a, b| b.energy.total_cmp(&a.energy));
     html! {
@@ -119,11 +111,11 @@ fn steps(report: &Report) -> Vec<Step> {
     if is_ambiguous {
         let text = if let Some(next) = touches {
             html! {
-                b { "Take the " (next.points.len()) " touches below" } ": they tell causes apart that those made so far cannot, of " (share(of_rivals)) "."
+                b { "Take the " (next.points.len()) " touches below" } ": they decide between causes of " (share(of_rivals)) "."
             }
         } else {
             html! {
-                b { "Repair nothing of a group yet" } ": these touches cannot tell its causes apart, and no reachable touch would, of " (share(of_rivals)) "."
+                b { "Repair nothing of a group yet" } ": no touch in reach decides between causes of " (share(of_rivals)) "."
             }
         };
         steps.push(Step {

@@ -5,16 +5,12 @@ use maud::{Markup, html};
 use probecell_msgs::{MachineState, PartStatus};
 
 use super::choice::{ATTENTIONS, Choice, ORDERS};
-use super::gap::unexplained;
 use super::numbers::readable;
 use super::page::{Frame, Place, frame};
 use super::sizes::worst;
 use super::small::{legend, strip_length};
 use super::tile::tile;
 use crate::state::{Attention, CellState, Hall, wording};
-
-/// Effects of a group that are written out on a tile; the rest is counted, and all stand on the page of the cell.
-const WRITTEN: usize = 3;
 
 /// Element of the tile of a cell.
 pub fn tile_id(name: &str) -> String {
@@ -81,29 +77,6 @@ pub(super) fn verdict(cell: &CellState) -> Markup {
             span.verdict.(worst.class) { (worst.feature) " " (worst.word) ", " (wording::signed_micrometres(worst.error)) }
             small { (readable(&worst.by)) }
             @if !worst.unjudged.is_empty() { small.mark { (worst.unjudged) } }
-        } }
-    }
-}
-
-/// The gap over its noise, and the leading group of causes.
-pub(super) fn gap(cell: &CellState) -> Markup {
-    let Some(gap) = &cell.gap else {
-        return html! {};
-    };
-    let names = group(cell);
-    html! {
-        div { dt { "Gap" } dd {
-            @if let Some(ratio) = cell.gap_ratio() { (format!("{ratio:.1}")) " × noise, " }
-            (wording::gap(gap.verdict))
-            @if !names.is_empty() {
-                small title=(names.join("; ")) {
-                    @if names.len() > 1 { "one of " }
-                    (names.iter().take(WRITTEN).cloned().collect::<Vec<_>>().join("; "))
-                    @if names.len() > WRITTEN { "; and " (names.len() - WRITTEN) " more" }
-                }
-            } @else if let Some(report) = cell.report.as_ref().filter(|one| one.verdict == diagnosis::Verdict::Unexplained) {
-                small { "no known cause fits" @let most = unexplained(report); @if !most.is_empty() { "; " (most) } }
-            }
         } }
     }
 }

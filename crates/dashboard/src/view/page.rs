@@ -42,6 +42,7 @@ pub(super) fn frame(frame: &Frame<'_>, body: &Markup) -> Markup {
                 link rel="icon" href="/assets/icon.svg" type="image/svg+xml";
                 script type="module" src="/assets/app.js" {}
                 script type="module" src="/assets/acts.js" {}
+                @if frame.class.starts_with("cell") { script type="module" src="/assets/scene.js" {} }
                 @if frame.stream.is_some() {
                     noscript { meta http-equiv="refresh" content="5"; }
                 }

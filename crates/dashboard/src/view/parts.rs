@@ -10,6 +10,7 @@ use super::deeds::{deed, deed_asking};
 use super::hall::{attention_of, doing};
 use super::numbers::{counted, last_word, minus, moment, readable, span};
 use crate::state::{CellState, EventKind, Hall, wording};
+use probecell_msgs::sensor_msgs::JointState;
 
 /// Events shown.
 const EVENTS: usize = 40;
@@ -28,11 +29,10 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
                 div { dt { "Part" } dd { @if let Some(part) = cell.interrupted() { (readable(&part.part_id)) ", interrupted" small { "in pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) "; nothing was decided on it since" } } @else if part.stage == PartStatus::NONE { @if let Some(last) = cell.ended.back() { (readable(&last.part_id)) ", " (last.end()) small { (minus(&last.text)) } } @else { "none yet" } } @else { (readable(&part.part_id)) ", pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) small { (part.operation.replace('_', " ")) code { (part.plan_id) } } } } }
                 @if let Some(machine) = machine.as_ref().filter(|one| !one.program.is_empty()) { div { dt { "Program" } dd { (machine.program) @if machine.line > 0 { " line " (machine.line) } } } }
                 (super::hall::verdict(cell))
-                (super::hall::gap(cell))
                 @if let Some(one) = cell.decision().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (minus(&one.text)) } @if let Some(doubt) = cell.doubt().filter(|_| rests_on_readings(one)) { small.mark { "Warning: " (doubt) "." } } } } }
                 div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (end, count)) in cell.ended_counts().into_iter().enumerate() { @if index > 0 { ", " } (count) " " (end) } } }
-                @if let Some(one) = &cell.recording { div { dt { "Recording" } dd { (match one.state { RecordingStatus::RECORDING => "recording", RecordingStatus::WAIVED => "waived", _ => "stopped" }) } } }
-                div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } }
+                @if let Some(one) = cell.recording.as_ref().filter(|one| one.state != RecordingStatus::RECORDING) { div { dt { "Recording" } dd { (if one.state == RecordingStatus::WAIVED { "waived" } else { "stopped" }) } } }
+                @if cell.is_stale(now) { div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } } }
             }
             @if let Some(one) = cell.planning() { (planning(one)) }
             @if takes_acts && !cell.kept {
@@ -167,7 +167,7 @@ pub(super) fn axes(cell: &CellState) -> Markup {
     let machine = cell.machine();
     html! {
         @if let Some(joints) = &joints {
-            table.axes {
+            table.axes data-joints=(positions(joints)) {
                 thead { tr { th scope="col" { "Axis" } th.number scope="col" { "Position" } } }
                 tbody { @for (name, position) in joints.name.iter().zip(&joints.position) {
                     @let turns = is_rotary(name);
@@ -189,6 +189,13 @@ pub(super) fn axes(cell: &CellState) -> Markup {
             }
         }
     }
+}
+
+/// Positions of the axes by their names, in m and rad, for the picture in three dimensions.
+fn positions(joints: &JointState) -> String {
+    let each = joints.name.iter().zip(&joints.position);
+    let each: std::collections::BTreeMap<_, _> = each.collect();
+    serde_json::json!(each).to_string()
 }
 
 /// Axis names of the contract: A, B, C and the spindle turn, and so do the joints A1 to A6 of an arm.

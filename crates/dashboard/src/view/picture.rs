@@ -2,12 +2,14 @@
 
 mod labels;
 mod outline;
+mod scene;
 
 use maud::{Markup, html};
-use probecell_msgs::{InspectionFeature, InspectionPlan};
+use probecell_msgs::{InspectionFeature, InspectionPlan, InspectionPoint};
 
 use self::labels::labels;
 use self::outline::{V, outline};
+use self::scene::scene;
 use super::numbers::signed_um;
 use super::sizes::judged;
 use crate::state::{CellState, Touch};
@@ -106,47 +108,54 @@ pub(super) fn picture(cell: &CellState, view: View, path: &str) -> Markup {
     html! {
         @if let Some(plan) = cell.plan.as_ref().filter(|plan| !plan.points.is_empty()) {
             (drawing(cell, plan, view))
+            (scene(cell, plan, path))
             (controls(view, path))
         } @else { p.none { "No inspection plan has been published yet." } }
     }
 }
 
-fn drawing(cell: &CellState, plan: &InspectionPlan, view: View) -> Markup {
-    let position = |i: usize| {
-        let p = &plan.points[i].position;
-        [p.x, p.y, p.z]
-    };
+fn position(point: &InspectionPoint) -> V {
+    let p = &point.position;
+    [p.x, p.y, p.z]
+}
+
+/// Lines that show the features, each with the number of its feature, in the part's frame.
+fn outlines(plan: &InspectionPlan) -> Vec<(usize, Vec<V>)> {
     let of = |number: usize| -> Vec<V> {
-        (0..plan.points.len())
-            .filter(|i| plan.points[*i].feature as usize == number)
-            .map(position)
-            .collect()
+        let own = plan
+            .points
+            .iter()
+            .filter(|one| one.feature as usize == number);
+        own.map(position).collect()
     };
-    let outlines: Vec<(usize, Vec<V>)> = plan
-        .features
-        .iter()
-        .enumerate()
-        .flat_map(|(number, feature)| {
-            outline(feature, &of(number))
-                .into_iter()
-                .map(move |one| (number, one))
-        })
+    let features = plan.features.iter().enumerate();
+    let lines = features.flat_map(|(number, feature)| {
+        let lines = outline(feature, &of(number)).into_iter();
+        lines.map(move |one| (number, one))
+    });
+    lines.collect()
+}
+
+/// m, of the largest deviation, at least a micrometre.
+fn largest(cell: &CellState) -> f64 {
+    let deviations = cell.touches.values().map(|one| one.deviation.abs());
+    let finite = deviations.filter(|one| one.is_finite());
+    finite.fold(1e-6, f64::max)
+}
+
+fn drawing(cell: &CellState, plan: &InspectionPlan, view: View) -> Markup {
+    let outlines: Vec<(usize, Vec<V>)> = outlines(plan)
+        .into_iter()
         .map(|(number, line)| (number, line.into_iter().map(|p| view.project(p)).collect()))
         .collect();
     let mut all: Vec<V> = outlines
         .iter()
         .flat_map(|(_, line)| line.iter().copied())
         .collect();
-    all.extend((0..plan.points.len()).map(|i| view.project(position(i))));
+    all.extend(plan.points.iter().map(|one| view.project(position(one))));
     let scale = Scale::around(&all);
     let classes: Vec<&'static str> = classes(cell, plan);
-    let largest = cell
-        .touches
-        .values()
-        .map(|one| one.deviation.abs())
-        .filter(|one| one.is_finite())
-        .fold(1e-6, f64::max);
-    let nice = nice(largest);
+    let nice = nice(largest(cell));
     let drawn = points(cell, plan, view, &scale, &classes, ARROW / nice);
     let newest = cell
         .touches

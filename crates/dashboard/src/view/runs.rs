@@ -1,8 +1,12 @@
 //! Run charts over parts, with capability.
 
+use graph::Stamp;
 use maud::{Markup, html};
 
-use super::numbers::{counted, signed_um, um};
+use super::csv::number;
+use super::numbers::{counted, date, signed_um, span, um};
+use super::save::save;
+use super::small::{gaps, sizes, strip};
 use crate::state::{
     Capability, CellState, Characteristic, FEWEST, RunChartPoint, STATEMENT, capability,
 };
@@ -16,12 +20,13 @@ const RIGHT: f64 = 8.0;
 const EDGE: f64 = 12.0;
 
 /// The section: a chart for every characteristic of the present measurement that more than one part has.
-pub(super) fn runs(cell: &CellState) -> Markup {
+pub(super) fn runs(cell: &CellState, now: Stamp, length: f64) -> Markup {
     let shown: Vec<_> = (cell.runs.iter())
         .filter(|(key, made)| made.len() > 1 && is_of_present(cell, key))
         .take(CHARTS)
         .collect();
     html! {
+        (in_short(cell, now, length))
         @if shown.is_empty() {
             p.none { "A run chart begins with the second part of the same drawing." }
         }
@@ -36,11 +41,61 @@ pub(super) fn runs(cell: &CellState) -> Markup {
                     (chart(&key.1, &made.iter().collect::<Vec<_>>(), limits))
                     @if made.len() > values.len() { p.mark { (made.len() - values.len()) " of them are not counted: a reference contradicts the readings." } }
                     (index_of(index.as_ref(), values.len(), limits.is_some()))
+                    (save(&key.1, &["run", "deviation/um", "U/um", "lower/um", "upper/um", "contradicted"], made.iter().map(saved)))
                 }
             }
         }
         @if cell.runs.values().any(|made| made.len() >= FEWEST) {
             p.note { "Cp, Cpk after ISO 22514-2:2017 with the standard deviation of the parts shown; 95 % intervals by the χ² distribution (Cp) and Bissell 1990 (Cpk). They hold for a stable process only. From fewer than " (STATEMENT) " parts they are estimates and state no capability." }
+        }
+    }
+}
+
+fn saved(one: &RunChartPoint) -> Vec<String> {
+    let um = |value: f64| number(Some(value), 1e-6);
+    let (lower, upper) = one.limits.unzip();
+    vec![
+        one.run.clone(),
+        um(one.deviation),
+        um(one.expanded),
+        number(lower, 1e-6),
+        number(upper, 1e-6),
+        one.contradicted.to_string(),
+    ]
+}
+
+/// The last parts and the last hours, as on the tile of the cell. `length`: s.
+fn in_short(cell: &CellState, now: Stamp, length: f64) -> Markup {
+    let each = cell.last_parts.iter().map(|one| {
+        let (used, ratio) = (number(one.used, 1.0), number(one.ratio, 1.0));
+        vec![one.run.clone(), one.feature.clone(), used, ratio]
+    });
+    let head = [
+        "part",
+        "worst characteristic",
+        "size/tolerance",
+        "gap/noise",
+    ];
+    let hours = cell.course.intervals().map(|(begin, length, spent)| {
+        let spent = spent.iter().map(|one| number(Some(*one), 1.0));
+        [date(begin), number(Some(length), 1.0)]
+            .into_iter()
+            .chain(spent)
+            .collect()
+    });
+    let kinds = [
+        "begin/UTC",
+        "length/s",
+        "running/s",
+        "measuring/s",
+        "waiting/s",
+        "stopped/s",
+    ];
+    html! {
+        div.charts {
+            @if cell.last_parts.iter().any(|one| one.used.is_some()) { figure { figcaption { b { "Worst size over its tolerance" } " · last " (counted(cell.last_parts.len(), "part")) } (sizes(cell)) (save("worst_size", &head, each.clone())) } }
+            @if cell.gap_ratio().is_some() { figure { (gaps(cell)) (save("gap_over_noise", &head, each)) } }
+            figure { figcaption { b { "What the machine did" } " · last " (span(length)) } (strip(cell, now, length)) (save("last_hours", &kinds, hours)) }
         }
     }
 }

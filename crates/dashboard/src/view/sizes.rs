@@ -231,15 +231,34 @@ pub(super) fn judged(cell: &CellState) -> Vec<Size<'_>> {
     sizes
 }
 
-/// The section.
+/// The section: what does not conform, worst first; what conforms is folded to a line with its count. Where all does, the one that
+/// takes most of its tolerance stands open.
 pub(super) fn sizes(cell: &CellState) -> Markup {
     let sizes = judged(cell);
     let Some(first) = sizes.first() else {
         return html! { p.none { "No size has been measured yet." } };
     };
+    let (good, mut open): (Vec<_>, Vec<_>) = sizes.iter().partition(|one| one.class == "good");
+    let mut good: Vec<&Size<'_>> = good;
+    good.sort_by(|a, b| b.used().total_cmp(&a.used()));
+    if open.is_empty() {
+        open.push(good.remove(0));
+    }
     html! {
         p.note { "Measurement " code { (first.result.plan_id) } ", " (rules(cell)) }
-        div.scroll tabindex="0" role="region" aria-label="Table of sizes" {
+        (table(&open, "Table of sizes"))
+        @if !good.is_empty() {
+            details.conform {
+                summary { span.verdict.good { span.sign aria-hidden="true" { "✓" } " " (good.len()) @if open.len() == 1 && open.iter().all(|one| one.class == "good") { " more" } " conform" } }
+                (table(&good, "Table of sizes that conform"))
+            }
+        }
+    }
+}
+
+fn table(sizes: &[&Size<'_>], label: &str) -> Markup {
+    html! {
+        div.scroll tabindex="0" role="region" aria-label=(label) {
             table.sizes {
                 thead { tr {
                     th scope="col" { "Feature" }
@@ -250,7 +269,7 @@ pub(super) fn sizes(cell: &CellState) -> Markup {
                     th.number.extra scope="col" { "Nominal" br; small { "mm" } }
                     th scope="col" { "Verdict" }
                 } }
-                tbody { @for size in &sizes { (row(size)) } }
+                tbody { @for size in sizes { (row(size)) } }
             }
         }
     }

@@ -188,7 +188,11 @@ fn the_ledger_sets_what_was_achieved_against_what_was_promised() {
 
 #[test]
 fn the_gap_names_the_whole_group_and_no_remedy_where_it_is_ambiguous() {
-    let shown = text(&html("ball_check", 1000.0, Section::Gap));
+    let both = |sample: &str, until: f64| {
+        let [short, full] = [Section::Why, Section::Gap].map(|one| html(sample, until, one));
+        text(&(short + &full))
+    };
+    let shown = both("ball_check", 1000.0);
     let report =
         std::fs::read_to_string(samples().join("ball_check.report.txt")).expect("a report");
     assert!(report.contains(
@@ -222,7 +226,7 @@ fn the_gap_names_the_whole_group_and_no_remedy_where_it_is_ambiguous() {
     );
     assert!(!shown.contains("Remedy"), "{shown}");
     // One cause alone: the straightness of the guideway, with what to do about it.
-    let shown = text(&html("guideway", 31.9, Section::Gap));
+    let shown = both("guideway", 31.9);
     assert!(
         shown.contains("axis.Z.straightness") && shown.contains("Remedy"),
         "{shown}"

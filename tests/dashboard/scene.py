@@ -1,0 +1,139 @@
+#!/usr/bin/env python3
+"""The machine and its part in three dimensions: where the axes are, and the touches with their values.
+
+    scene.py PROBECELL FOLDER
+
+Chromium draws WebGL by its own software. What is drawn is read back from the page and compared with what the cell publishes: the frame of
+the probe with the description of the machine written out by hand, the values under the pointer with the recording.
+"""
+
+import json
+import math
+import os
+import re
+import shutil
+import time
+
+from pages import ADDRESS, ENDS, PICTURES, SAMPLES, Browser, axe, cell_file, started, twin, wait
+from playwright.sync_api import sync_playwright
+
+import kit
+from kit.recordings import messages
+
+SOFTWARE = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+# Where a processor draws, a person asks for the picture.
+ASKED = "() => { const one = [...document.querySelectorAll('#part .turn button')][0]; one?.click(); return !!one; }"
+DRAWN = "document.body.classList.contains('solid') && !!document.querySelector('#part canvas')?.dataset.mount"
+# Each place that the frame of the probe was drawn at, with the axes of that instant.
+POSES = """() => { window.poses = []; new MutationObserver(() => {
+    const mount = document.querySelector('#part canvas')?.dataset.mount, axes = document.querySelector('#axes [data-joints]')?.dataset.joints;
+    if (mount && axes && window.poses.at(-1)?.[0] !== mount) window.poses.push([mount, axes]);
+}).observe(document.querySelector('#part canvas'), { attributes: true, attributeFilter: ['data-mount'] }); }"""
+
+
+def mount(axes):
+    """Of turn_mill.urdf: Z at 0.2 m along z, on it X at 0.1 m along x, on it Y; the part turns about C and carries none of these."""
+    return axes["X"] + 0.1, axes["Y"], axes["Z"] + 0.2
+
+
+def posed(page):
+    poses = [(tuple(map(float, drawn.split())), json.loads(axes)) for drawn, axes in page.evaluate("window.poses")]
+    worst = max(math.dist(drawn, mount(axes)) for drawn, axes in poses)
+    assert len(poses) >= 20 and len({drawn for drawn, _ in poses}) >= 10, poses
+    assert worst < 2e-6, worst
+    print(f"3D: {len(poses)} poses of the probe drawn where the axes are, at most {worst * 1e6:.1f} µm away")
+
+
+def read(page):
+    """What the picture says under the pointer, all over it."""
+    frame = page.locator("#part canvas").bounding_box()
+    said = set()
+    for row in range(1, 60):
+        for column in range(1, 60):
+            page.mouse.move(frame["x"] + frame["width"] * column / 60, frame["y"] + frame["height"] * row / 60)
+        said.add(page.inner_text("#part output"))
+        for column in range(20, 42):
+            page.mouse.move(frame["x"] + frame["width"] * column / 60, frame["y"] + frame["height"] * row / 60)
+            said.add(page.inner_text("#part output"))
+    found = [re.fullmatch(r"(\S+), point (\d+): ([−+][0-9.]+) µm, u ([0-9.]+) µm", one) for one in said]
+    return {int(one[2]): (one[1], float(one[3].replace("−", "-"))) for one in found if one}
+
+
+def valued(page, touches, plan):
+    said = read(page)
+    assert len(said) >= 8, said
+    for index, (feature, deviation) in said.items():
+        assert feature == plan["features"][plan["points"][index]["feature"]]["id"], (index, feature)
+        assert abs(deviation - touches[index] * 1e6) < 0.06, (index, deviation, touches[index])
+    print(f"3D: {len(said)} of {len(touches)} touches found by the pointer, with the values that were published")
+
+
+def live(browser, folder):
+    file = cell_file(folder, "mill_a")
+    cell = started("up", file, folder=folder)
+    cell.says("is ready")
+    with browser.page() as page:
+        page.goto(f"http://{ADDRESS}/cell/mill_a")
+        run = started("run", "punch_1", "--cell", file, folder=folder)
+        wait(page, ASKED)
+        wait(page, DRAWN)
+        page.evaluate(POSES)
+        page.evaluate("document.querySelector('#part canvas').dataset.kept = 'yes'")
+        wait(page, f"/punch_1, ({ENDS})/.test(document.querySelector('#state').innerText)")
+        run.end()
+        posed(page)
+        assert page.evaluate("document.querySelector('#part canvas').dataset.kept") == "yes", "the picture was made anew"
+        drawn = page.evaluate("JSON.parse(document.querySelector('#part .scene').dataset.part)")
+        page.screenshot(path=PICTURES / "cell_3d_1400_light.png")
+        bottom = page.evaluate("document.querySelector('#part .heat').getBoundingClientRect().bottom")
+        assert bottom <= 900, f"the picture and its legend are above the fold: {bottom}"
+        page.click("#part .looks button:has-text('Machine')")
+        page.keyboard.press("Tab")
+        told = axe(page)
+        assert not told, told
+        page.click("#part .looks button:has-text('Sketch')")
+        assert page.is_visible("#part svg.part") and not page.is_visible("#part canvas")
+    cell.end()
+    (bag,) = (folder / "recordings").glob("mill_a_*")
+    published = messages(bag)
+    touches = {one.point_index: one.deviation for one in published["touch_deviations"] if one.plan_id == drawn["plan"]}
+    assert {int(index): value[0] for index, value in drawn["touches"].items()} == {index: round(value * 1e6, 2) + 0.0 for index, value in touches.items()}
+    order = [one for one in published["measurement_order"] if one.plan_id == drawn["plan"]][-1]
+    assert drawn["order"] == list(order.order)
+    print(f"3D: {len(touches)} touches and their order drawn as they were published")
+
+
+def session(browser, folder):
+    shutil.copy(SAMPLES / "punch.mcap", folder)
+    server = started("dashboard", "--recordings", folder, folder=folder)
+    server.says("dashboard: http://")
+    with browser.page(scheme="dark") as page:
+        page.goto(f"http://{ADDRESS}/session/punch.mcap")
+        wait(page, ASKED)
+        wait(page, DRAWN)
+        plan = twin("punch", "inspection_plan")[-1][1]
+        touches = {one["point_index"]: one["deviation"] for _, one in twin("punch", "touch_deviations") if one["plan_id"] == plan["plan_id"]}
+        valued(page, touches, plan)
+        begun = time.monotonic()
+        steps = 20
+        for step in range(steps):
+            page.evaluate("(t) => { const slider = document.getElementById('t'); slider.value = t; slider.dispatchEvent(new Event('input', { bubbles: true })); }", 8 + step)
+            wait(page, "(t) => document.getElementById('instant').innerText.includes(t)", f"{8 + step:.1f} s")
+        print(f"3D: {steps} instants of a session, each drawn, at {steps / (time.monotonic() - begun):.0f} a second")
+        page.screenshot(path=PICTURES / "session_3d_1400_dark.png")
+    server.end()
+
+
+def main(folder):
+    with sync_playwright() as playwright:
+        flags = SOFTWARE + (["--no-sandbox"] if os.getuid() == 0 else [])
+        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=flags)
+        browser = Browser(chromium)
+        session(browser, folder)
+        live(browser, folder)
+        foreign = {url for url in browser.requests if not re.match(rf"http://{re.escape(ADDRESS)}/", url)}
+        assert not foreign and not browser.errors, (foreign, browser.errors)
+        chromium.close()
+
+
+kit.main({"scene": main})
