@@ -10,7 +10,7 @@ import sys
 
 from PIL import Image
 
-PAGES = ("hall_hosts", "hall_24", "wall", "cell_waiting", "cell", "sessions", "session", "session_ball_check", "machine", "compare", "report", "diagnosis")
+PAGES = ("hall_hosts", "hall_24", "wall", "cell_waiting", "cell_3d", "sessions", "session", "session_ball_check", "machine", "compare", "report", "diagnosis")
 PRINTED = ("report_printed", "diagnosis_printed")
 COLOURS = 200
 LONGEST = 1900  # px; what is below is on the other pictures

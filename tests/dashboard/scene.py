@@ -14,7 +14,7 @@ import re
 import shutil
 import time
 
-from pages import ADDRESS, ENDS, PICTURES, SAMPLES, Browser, axe, cell_file, started, twin, wait
+from pages import ADDRESS, ENDS, PICTURES, SAMPLES, WIDTHS, Browser, axe, cell_file, started, twin, wait
 from playwright.sync_api import sync_playwright
 
 import kit
@@ -68,6 +68,21 @@ def valued(page, touches, plan):
     print(f"3D: {len(said)} of {len(touches)} touches found by the pointer, with the values that were published")
 
 
+def pictures(browser):
+    """The page of the cell in both schemes and at all widths, without a violation of axe-core."""
+    for scheme in ("light", "dark"):
+        for width in WIDTHS:
+            with browser.page(width, scheme) as page:
+                page.goto(f"http://{ADDRESS}/cell/mill_a")
+                wait(page, ASKED)
+                wait(page, DRAWN)
+                wide = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
+                assert wide[0] <= wide[1], (width, wide)
+                page.screenshot(path=PICTURES / f"cell_3d_{width}_{scheme}.png", full_page=True)
+                told = axe(page)
+                assert not told, told
+
+
 def live(browser, folder):
     file = cell_file(folder, "mill_a")
     cell = started("up", file, folder=folder)
@@ -84,7 +99,6 @@ def live(browser, folder):
         posed(page)
         assert page.evaluate("document.querySelector('#part canvas').dataset.kept") == "yes", "the picture was made anew"
         drawn = page.evaluate("JSON.parse(document.querySelector('#part .scene').dataset.part)")
-        page.screenshot(path=PICTURES / "cell_3d_1400_light.png")
         bottom = page.evaluate("document.querySelector('#part .heat').getBoundingClientRect().bottom")
         assert bottom <= 900, f"the picture and its legend are above the fold: {bottom}"
         page.click("#part .looks button:has-text('Machine')")
@@ -93,6 +107,7 @@ def live(browser, folder):
         assert not told, told
         page.click("#part .looks button:has-text('Sketch')")
         assert page.is_visible("#part svg.part") and not page.is_visible("#part canvas")
+    pictures(browser)
     cell.end()
     (bag,) = (folder / "recordings").glob("mill_a_*")
     published = messages(bag)
@@ -120,7 +135,6 @@ def session(browser, folder):
             page.evaluate("(t) => { const slider = document.getElementById('t'); slider.value = t; slider.dispatchEvent(new Event('input', { bubbles: true })); }", 8 + step)
             wait(page, "(t) => document.getElementById('instant').innerText.includes(t)", f"{8 + step:.1f} s")
         print(f"3D: {steps} instants of a session, each drawn, at {steps / (time.monotonic() - begun):.0f} a second")
-        page.screenshot(path=PICTURES / "session_3d_1400_dark.png")
     server.end()
 
 

@@ -268,7 +268,10 @@ function sketch() {
  * @param {HTMLElement} home @param {boolean} asked */
 async function begin(home, asked) {
   const canvas = document.createElement("canvas");
-  const context = canvas.getContext("webgl2", { antialias: true, failIfMajorPerformanceCaveat: !asked });
+  const found = canvas.getContext("webgl2", { antialias: true, failIfMajorPerformanceCaveat: !asked });
+  const named = found?.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL ?? found?.RENDERER;
+  const bySoftware = found && /swiftshader|llvmpipe|software/i.test(found.getParameter(named));
+  const context = bySoftware && !asked ? null : found;
   offered = !context && !asked;
   if (offered) offer();
   if (!context) return;
