@@ -15,9 +15,8 @@ pub(crate) mod wording;
 
 pub use capability::{Capability, FEWEST, STATEMENT, capability};
 pub use cell::{Attention, CellState, Characteristic, RunChartPoint, Section, Touch};
-pub use course::{Course, Doing, INTERVALS};
+pub use course::{Course, Doing, INTERVALS, LAST_PARTS, LastPart};
 pub use events::{Event, EventKind};
 pub use hall::{Hall, kept_topics, read_topics};
 pub(crate) use hall::{is_read, machine_state, split};
-pub use last_parts::{LAST_PARTS, LastPart};
 pub use ledger::{Achieved, Entry};

@@ -14,8 +14,7 @@ use probecell_msgs::{
     geometrical,
 };
 
-use super::course::{Course, Doing};
-use super::last_parts::LastPart;
+use super::course::{Course, Doing, LastPart};
 use super::ledger::{Entry, Ledger};
 use super::wording;
 

@@ -1,4 +1,4 @@
-//! What a cell did over the last hours, in bounded memory.
+//! What a cell did over the last hours, and how its last parts were, in bounded memory.
 
 use std::collections::VecDeque;
 
@@ -131,6 +131,26 @@ impl Course {
         }
         sum
     }
+}
+
+/// Of the last parts, those kept.
+pub const LAST_PARTS: usize = 25;
+
+/// One of the last parts.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LastPart {
+    /// The run.
+    pub run: String,
+    /// The plan measured last on it.
+    pub(super) plan_id: String,
+    /// The characteristic that takes most of its tolerance.
+    pub feature: String,
+    /// Its distance from the middle of the tolerance over half of the tolerance; above 1 it is out.
+    pub used: Option<f64>,
+    /// A reference contradicts readings on it: they say nothing of the process.
+    pub contradicted: bool,
+    /// Gap over noise.
+    pub ratio: Option<f64>,
 }
 
 #[cfg(test)]

@@ -4,29 +4,9 @@ use graph::Stamp;
 use probecell_msgs::{FeatureResult, GapReport, MachineState, PartStatus};
 
 use super::cell::CellState;
-use super::course::Doing;
+use super::course::{Doing, LAST_PARTS, LastPart};
 use super::ledger::part_of;
 use super::reduce::push;
-
-/// Parts kept.
-pub const LAST_PARTS: usize = 25;
-
-/// One of the last parts.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct LastPart {
-    /// The run.
-    pub run: String,
-    /// The plan measured last on it.
-    pub(super) plan_id: String,
-    /// The characteristic that takes most of its tolerance.
-    pub feature: String,
-    /// Its distance from the middle of the tolerance over half of the tolerance; above 1 it is out.
-    pub used: Option<f64>,
-    /// A reference contradicts readings on it: they say nothing of the process.
-    pub contradicted: bool,
-    /// Gap over noise.
-    pub ratio: Option<f64>,
-}
 
 impl CellState {
     /// What the machine does.

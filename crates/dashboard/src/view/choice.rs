@@ -3,7 +3,7 @@
 use graph::Stamp;
 use serde::Deserialize;
 
-use super::hall::{attention_of, doing};
+use super::doing::{attention_of, doing};
 use super::save::encoded;
 use super::tile::cause;
 use crate::state::{Attention, CellState, Hall};

@@ -2,9 +2,9 @@
 
 use graph::Stamp;
 use maud::{Markup, html};
-use probecell_msgs::{MachineState, PartStatus};
 
 use super::choice::{ATTENTIONS, Choice, ORDERS};
+use super::doing::{attention_of, tile_id};
 use super::numbers::readable;
 use super::page::{Frame, Place, frame};
 use super::sizes::worst;
@@ -12,43 +12,10 @@ use super::small::{legend, strip_length};
 use super::tile::tile;
 use crate::state::{Attention, CellState, Hall, wording};
 
-/// Element of the tile of a cell.
-pub fn tile_id(name: &str) -> String {
-    format!("tile-{}", name.replace('/', "--"))
-}
-
 /// Elements of the tiles that were chosen, in their order.
 pub fn order_of(hall: &Hall, now: Stamp, choice: &Choice) -> Vec<String> {
     let cells = choice.cells(hall, now);
     cells.iter().map(|cell| tile_id(&cell.name)).collect()
-}
-
-/// Classes of an attention, a sign that does not need colour, and its name.
-pub(super) fn attention_of(attention: Attention) -> (&'static str, &'static str, &'static str) {
-    match attention {
-        Attention::Act => ("act", "■", "Act"),
-        Attention::Decide => ("decide", "▲", "Decide"),
-        Attention::Look => ("look", "◆", "Look"),
-        Attention::Working => ("working", "▶", "Working"),
-        Attention::Idle => ("idle", "○", "Idle"),
-    }
-}
-
-/// What the cell is doing, in a word.
-pub(super) fn doing(cell: &CellState, now: Stamp) -> String {
-    if cell.kept {
-        return "not live".to_owned();
-    }
-    if cell.is_stale(now) {
-        return "silent".to_owned();
-    }
-    let machine = cell.machine();
-    match machine.map(|one| one.execution) {
-        Some(code) if code >= MachineState::EXECUTION_HOLD => wording::execution(code).to_owned(),
-        _ if cell.is_making() => PartStatus::word(cell.part.stage).to_owned(),
-        Some(code) => wording::execution(code).to_owned(),
-        None => "unknown".to_owned(),
-    }
 }
 
 /// The whole group of causes of the leading effect, in words.

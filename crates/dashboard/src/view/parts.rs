@@ -7,7 +7,7 @@ use probecell_msgs::{
 };
 
 use super::deeds::{deed, deed_asking};
-use super::hall::{attention_of, doing};
+use super::doing::{attention_of, doing};
 use super::numbers::{counted, last_word, minus, moment, readable, span};
 use crate::state::{CellState, EventKind, Hall, wording};
 use probecell_msgs::sensor_msgs::JointState;

@@ -2,7 +2,8 @@
 
 use graph::Stamp;
 
-use super::hall::{attention_of, doing, group};
+use super::doing::{attention_of, doing};
+use super::hall::group;
 use super::numbers::last_word;
 use super::sizes::worst;
 use crate::state::{CellState, Hall, wording};

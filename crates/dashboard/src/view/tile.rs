@@ -6,7 +6,7 @@ use graph::Stamp;
 use maud::{Markup, html};
 use probecell_msgs::PartStatus;
 
-use super::hall::{attention_of, doing, tile_id};
+use super::doing::{attention_of, doing, tile_id};
 use super::numbers::{cell_title, last_word, readable};
 use super::sizes::{Worst, worst};
 use super::small::{bar, gaps, sizes, strip};
