@@ -194,7 +194,7 @@ def operator(browser, page, cell, folder):
     print("approve: recorded with what was on the screen; the same act again is refused")
     strangers(browser.chromium, approval)
     part_ends(page, "punch_1", "qualified")
-    wait(page, "!!document.querySelector('#gap .headline')")
+    wait(page, "!!document.querySelector('#why .headline')")
     monitoring.check(fetch("/metrics")[2].decode())
 
     before = metric("cell_touches_total", CELL)
@@ -319,12 +319,12 @@ def proposed_touches(browser, folder):
         press(page, "make", "Accepted", subject="balls")
         wait(page, "[...document.querySelectorAll('#gap [data-act=next]')].some((one) => one.checkVisibility())")
         wait(page, "document.querySelector('#state .badge').innerText.includes('idle')")
-        first = page.inner_text("#gap .headline code")
+        first = page.inner_text("#why .headline code")
         before = metric("cell_touches_total", "ball_s")
         press(page, "next", "Accepted")
-        wait(page, "(first) => document.querySelector('#gap .headline code').innerText !== first", first)
+        wait(page, "(first) => document.querySelector('#why .headline code').innerText !== first", first)
         made = metric("cell_touches_total", "ball_s") - before
-        print(f"proposed touches: {made:.0f} were taken, and the gap was diagnosed again: {page.inner_text('#gap .headline code')}")
+        print(f"proposed touches: {made:.0f} were taken, and the gap was diagnosed again: {page.inner_text('#why .headline code')}")
         assert made > 0
     up.end()
 
