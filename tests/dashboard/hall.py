@@ -98,7 +98,8 @@ def main(folder):
             shows(page, 100)
             page.reload()
             assert page.evaluate(OUTSIDE) == 0, "100 small tiles are on one screen"
-            paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0]?.startTime")
+            wait(page, "performance.getEntriesByName('first-contentful-paint').length > 0")
+            paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
             print(f"hall: 100 machines on one screen, {len(page.content()) / 1e3:.0f} kB, first paint after {paint:.0f} ms")
         browser.audit("/?dense", "hall_dense")
         with browser.page(scripts=False) as plain:
