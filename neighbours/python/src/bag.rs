@@ -11,11 +11,11 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::columns::{Column, instants};
-use probecell_msgs::definition::parse;
 use crate::errors::{damage, input};
 use crate::record::PartRecord;
 use crate::session::Session;
 use crate::table::Table;
+use probecell_msgs::definition::parse;
 
 /// A recording: an `.mcap` file, or a folder of them as rosbag2 writes it.
 ///
