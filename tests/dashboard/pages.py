@@ -173,14 +173,17 @@ class Browser:
                 assert not told, f"{path} {width} {scheme}: {json.dumps(told, indent=1)[:4000]}"
                 self.audited += 1
 
-
     def read_without_scripts(self, path):
         """Whatever the page of scripts says stands there without them as well."""
         texts = []
         for scripts in (True, False):
             with self.page(scripts=scripts) as page:
                 page.goto(f"http://{ADDRESS}{path}")
-                texts.append(page.inner_text("main").replace("\nShow", "").replace("\nSVG", ""))  # the button that takes the place of a script, and one that only a script serves
+                text = page.inner_text("main")
+                # The button that takes the place of a script, and those that only a script serves.
+                for button in ("Show", "SVG", "In 3D"):
+                    text = text.replace(f"\n{button}", "")
+                texts.append(text)
         assert texts[0] == texts[1] and len(texts[1]) > 40, (path, texts)
 
     def printed(self, path, name):
