@@ -312,6 +312,10 @@ def services_both_ways(program, endpoint, messages, root, sdk):
     with Peer(program, "server", endpoint=endpoint, namespace="/cell") as ours:
         cdr = messages.encode(response, response_name)
         ours.ask("serving", "serve", "/cell/run", "probecell_msgs/srv/StartRecording", cdr.hex())
+        # A request that comes before its route has no reply, and no end before its timeout.
+        knocking = ROS2ServiceClient(service_name="/cell/run", timeout=kit.patience(1), **common)
+        kit.until("a route of the service", lambda: knocking.call(uri="P1"))
+        knocking.close()
         client = ROS2ServiceClient(service_name="/cell/run", timeout=kit.patience(60), **common)
         for _ in range(3):
             answer = client.call(uri="P1")
