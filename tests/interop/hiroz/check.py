@@ -92,10 +92,12 @@ def running(cell, folder):
 
 
 def the_graph(peer):
-    """Nodes are the processes that the service `status` names, and the launcher; each has its services. A question may catch the graph
-    half told."""
+    """Nodes are the processes that the service `status` names, and the launcher; each has its services. The dashboard is a process that
+    announces nothing. A question may catch the graph half told."""
     until("the service status", lambda: f"{SPACE}/status" in peer.ask("graph")["services"])
-    processes = {*peer.ask("status")["processes"], "operator"}
+    named = set(peer.ask("status")["processes"])
+    assert "dashboard" in named, named
+    processes = named - {"dashboard"} | {"operator"}
     names = OF_OPERATORS | {f"{node}/{name}" for node in processes for name in OF_A_NODE}
     names |= {f"{one}/_action/{part}" for one in ACTIONS for part in SERVED}
     services, topics = {f"{SPACE}/{name}" for name in names}, {f"{SPACE}/{one}/_action/{part}" for one in ACTIONS for part in PUBLISHED}
