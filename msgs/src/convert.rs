@@ -3,6 +3,8 @@
 //! Time counts from 1970; its seconds are the 32 bits of `sec` without a sign, so that it ends in 2106, not in 2038. Geometry keeps
 //! the unit of its field.
 
+use std::time::{SystemTime, UNIX_EPOCH};
+
 use crate::{
     builtin_interfaces::{Duration, Time},
     geometry_msgs::{Point, Quaternion, Vector3},
@@ -40,6 +42,12 @@ impl Time {
     /// Nanoseconds since 1970; never negative.
     pub fn nanos(self) -> i64 {
         i64::from(self.sec.cast_unsigned()) * NANOS_PER_SECOND + i64::from(self.nanosec)
+    }
+}
+
+impl From<Time> for SystemTime {
+    fn from(stamp: Time) -> Self {
+        UNIX_EPOCH + std::time::Duration::from_nanos(stamp.nanos().unsigned_abs())
     }
 }
 

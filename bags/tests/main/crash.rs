@@ -6,7 +6,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use bags::{Bag, Channel, Overflow, Qos, Recorder, RecorderOptions};
+use bags::{Bag, Channel, ChannelId, Overflow, Qos, Recorder, RecorderOptions};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -15,11 +15,10 @@ use crate::kill::paced_writer;
 /// Syncs of the run.
 const SYNCS: usize = 12;
 
-/// The bytes of a run, and after each sync: messages stated durable, and the size of the file. Each message waits for the
-/// sync of the one before, and less is written between syncs than any buffer holds, so that nothing but a sync writes.
-fn run(folder: &Path) -> (Vec<u8>, Vec<(u64, usize)>) {
+/// A recorder and its one channel.
+pub(crate) fn begun(folder: &Path, sync_interval: Duration) -> (Recorder, ChannelId) {
     let recorder = Recorder::start(RecorderOptions {
-        sync_interval: Duration::from_millis(2),
+        sync_interval,
         overflow: Overflow::Block,
         ..RecorderOptions::new(folder)
     })
@@ -32,6 +31,13 @@ fn run(folder: &Path) -> (Vec<u8>, Vec<(u64, usize)>) {
         Qos::default(),
     );
     let channel = recorder.channel(&topic).unwrap();
+    (recorder, channel)
+}
+
+/// The bytes of a run, and after each sync: messages stated durable, and the size of the file. Each message waits for the
+/// sync of the one before, and less is written between syncs than any buffer holds, so that nothing but a sync writes.
+fn run(folder: &Path) -> (Vec<u8>, Vec<(u64, usize)>) {
+    let (recorder, channel) = begun(folder, Duration::from_millis(2));
     let file = folder.join("run_0.mcap");
     let mut syncs = Vec::new();
     let mut number = 0_u64;

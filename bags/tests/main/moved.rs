@@ -4,24 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use bags::{Bag, Channel, Error, Overflow, Qos, Recorder, RecorderOptions};
+use bags::{Bag, Error};
+
+use crate::crash::begun;
 
 /// A recording with some messages on disk, and what the recorder says once `change` was done to its file.
 fn changed(folder: &Path, change: impl FnOnce(&Path)) -> (u64, Error) {
-    let recorder = Recorder::start(RecorderOptions {
-        sync_interval: Duration::from_millis(20),
-        overflow: Overflow::Block,
-        ..RecorderOptions::new(folder)
-    })
-    .unwrap();
-    let topic = Channel::new(
-        "/cell/a",
-        "std_msgs/msg/String",
-        "string data\n",
-        "",
-        Qos::default(),
-    );
-    let channel = recorder.channel(&topic).unwrap();
+    let (recorder, channel) = begun(folder, Duration::from_millis(20));
     let count = 300_u64;
     for number in 0..count {
         let payload = number.to_le_bytes().repeat(6);

@@ -4,6 +4,7 @@ use diagnosis::Report;
 use machine::Chain;
 
 use crate::CureError;
+use crate::axis_error::turns;
 use crate::cause::Cause;
 use crate::head::{Change, head};
 
@@ -127,6 +128,19 @@ impl Job<'_> {
                 axes.join(", ")
             ))),
         }
+    }
+
+    /// The axis of a table, its causes, and one of mm, or of degrees of an axis that turns, in m or rad.
+    pub(crate) fn of_one_axis(&self) -> Result<(String, Vec<Cause>, f64), CureError> {
+        let axis = self.one_axis()?.to_owned();
+        let own = self.causes.iter().filter(|one| one.axis() == axis);
+        let own: Vec<Cause> = own.cloned().collect();
+        let unit = if own.iter().any(turns) {
+            1.0_f64.to_degrees()
+        } else {
+            1e3
+        };
+        Ok((axis, own, unit))
     }
 
     /// What the file says of itself, each line to be commented; `causes` are those that are in it.

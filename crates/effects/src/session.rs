@@ -7,8 +7,7 @@ pub mod joined;
 pub mod model;
 pub mod perfect;
 
-use std::time::{Duration, UNIX_EPOCH};
-
+use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
 
@@ -46,13 +45,13 @@ impl Session {
     pub fn measured(&self) -> Option<String> {
         let touches = self.events.iter().map(|event| &event.header.stamp);
         let samples = self.joint_states.iter().map(|state| &state.header.stamp);
-        let first = touches.map(|stamp| stamp.nanos()).min();
-        let first = first.or_else(|| samples.map(|stamp| stamp.nanos()).min())?;
-        let since = Duration::from_nanos(first.unsigned_abs());
-        if since.as_secs() == 0 {
+        let by_time = |stamp: &&Time| stamp.nanos();
+        let first = touches.min_by_key(by_time);
+        let first = *first.or_else(|| samples.min_by_key(by_time))?;
+        if first.sec == 0 {
             return None;
         }
-        Some(humantime::format_rfc3339_seconds(UNIX_EPOCH + since).to_string())
+        Some(humantime::format_rfc3339_seconds(first.into()).to_string())
     }
 }
 
@@ -164,6 +163,6 @@ pub enum SessionError {
 }
 
 /// Seconds of a stamp.
-pub fn seconds(stamp: &probecell_msgs::builtin_interfaces::Time) -> f64 {
+pub fn seconds(stamp: &Time) -> f64 {
     f64::from(stamp.sec.cast_unsigned()) + 1e-9 * f64::from(stamp.nanosec)
 }

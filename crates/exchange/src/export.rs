@@ -126,8 +126,7 @@ pub fn mm(metres: f64) -> f64 {
 
 /// A stamp as `xs:dateTime` in UTC, to the nanosecond.
 pub fn date_time(stamp: Time) -> String {
-    let since = std::time::Duration::from_nanos(stamp.nanos().unsigned_abs());
-    humantime::format_rfc3339_nanos(std::time::UNIX_EPOCH + since).to_string()
+    humantime::format_rfc3339_nanos(stamp.into()).to_string()
 }
 
 /// Name of a kind of feature.

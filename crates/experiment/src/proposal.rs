@@ -1,7 +1,8 @@
 //! A proposal of further touches, as a report states it.
 
 use probecell_msgs::InspectionPlan;
-use serde::{Deserialize, Serialize};
+use serde::de::IgnoredAny;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// An effect that a report names.
 #[derive(Debug, Clone, Copy)]
@@ -20,7 +21,11 @@ pub struct NextMeasurement {
     /// The touches, most informative first.
     pub points: Vec<NextPoint>,
     /// The same touches as a plan that a cell can run; its points in the order of `points`.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
+    #[serde(
+        skip_serializing_if = "Option::is_none",
+        default,
+        deserialize_with = "plan_of_numbers"
+    )]
     pub plan: Option<InspectionPlan>,
     /// The most probable explanations now, most probable first.
     #[serde(default)]
@@ -31,6 +36,22 @@ pub struct NextMeasurement {
     /// Pairs of possible effects that no reachable touch distinguishes: they count as one.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub inseparable: Vec<Vec<String>>,
+}
+
+/// A plan as JSON holds it; none where a limit of it is open, for which JSON has no number.
+fn plan_of_numbers<'de, D: Deserializer<'de>>(
+    written: D,
+) -> Result<Option<InspectionPlan>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Written {
+        Numbers(Box<InspectionPlan>),
+        Open(IgnoredAny),
+    }
+    Ok(match Option::deserialize(written)? {
+        Some(Written::Numbers(plan)) => Some(*plan),
+        Some(Written::Open(_)) | None => None,
+    })
 }
 
 /// One of the remaining explanations.
@@ -62,4 +83,29 @@ pub struct NextPoint {
     /// How the touch differs from those of the plan.
     #[serde(default)]
     pub why: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// JSON has `null` for a number that is not finite.
+    #[test]
+    fn a_proposal_with_an_open_limit_is_read_without_its_plan() {
+        let mut proposal = NextMeasurement {
+            separates: vec!["axis.X.scale".to_owned()],
+            points: Vec::new(),
+            plan: Some(InspectionPlan::default()),
+            explanations: Vec::new(),
+            chance: 0.5,
+            inseparable: Vec::new(),
+        };
+        let read = |text: &str| serde_json::from_str::<NextMeasurement>(text).unwrap();
+        let text = serde_json::to_string(&proposal).unwrap();
+        assert_eq!(read(&text), proposal);
+        let open = text.replacen("\"x\":0.0", "\"x\":null", 1);
+        assert_ne!(open, text);
+        proposal.plan = None;
+        assert_eq!(read(&open), proposal);
+    }
 }

@@ -34,19 +34,19 @@ fn wall() -> i64 {
 #[error(
     "the clock of this computer is set {0}: stamps hold 1970 to 2106; set it, by hand or by NTP, and start again"
 )]
-pub struct NotATime(&'static str);
+pub struct ClockOutOfRange(&'static str);
 
 /// # Errors
 /// The wall clock is set before 1970 or after 2106, which the 32-bit seconds of a stamp do not hold.
-pub fn check() -> Result<(), NotATime> {
+pub fn check() -> Result<(), ClockOutOfRange> {
     checked(SystemTime::now())
 }
 
-fn checked(wall: SystemTime) -> Result<(), NotATime> {
+fn checked(wall: SystemTime) -> Result<(), ClockOutOfRange> {
     let since = wall
         .duration_since(UNIX_EPOCH)
-        .map_err(|_| NotATime("before 1970"))?;
-    u32::try_from(since.as_secs()).map_err(|_| NotATime("after 2106"))?;
+        .map_err(|_| ClockOutOfRange("before 1970"))?;
+    u32::try_from(since.as_secs()).map_err(|_| ClockOutOfRange("after 2106"))?;
     Ok(())
 }
 

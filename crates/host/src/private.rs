@@ -57,7 +57,7 @@ impl PrivateServices {
     ///
     /// # Errors
     /// What the system says of a thread.
-    pub fn serve(self, services: BTreeMap<&'static str, Answering>) -> io::Result<Removed> {
+    pub fn serve(self, services: BTreeMap<&'static str, Answering>) -> io::Result<SocketFile> {
         let running = Arc::new(AtomicUsize::new(0));
         let services = Arc::new(services);
         let answer_all = move || {
@@ -85,18 +85,18 @@ impl PrivateServices {
                 }
             }
         };
-        let removed = Removed(self.path.clone());
+        let file = SocketFile(self.path.clone());
         std::thread::Builder::new()
             .name("private services".to_owned())
             .spawn(answer_all)?;
-        Ok(removed)
+        Ok(file)
     }
 }
 
-/// Removes the socket when it is dropped.
-pub struct Removed(PathBuf);
+/// The socket in its folder, removed when this is dropped.
+pub struct SocketFile(PathBuf);
 
-impl Drop for Removed {
+impl Drop for SocketFile {
     fn drop(&mut self) {
         // Gone already, or not to be removed by this process: the next one replaces it.
         drop(fs::remove_file(&self.0));
@@ -169,7 +169,7 @@ mod tests {
         let path = folder.path().join("cell");
         assert_eq!(call(&path, "twice", b"ab", PATIENCE), None);
         let services = PrivateServices::listen(&path).unwrap();
-        let removed = services
+        let file = services
             .serve(BTreeMap::from([("twice", Arc::new(twice) as Answering)]))
             .unwrap();
         assert_eq!(
@@ -191,7 +191,7 @@ mod tests {
         );
         drop(silent);
         assert!(PrivateServices::listen(&path).is_err(), "one listens there");
-        drop(removed);
+        drop(file);
         assert!(!path.exists());
     }
 

@@ -24,23 +24,17 @@ pub(crate) const ISO_230: Format = Format {
     write,
 };
 
+/// µm in a metre, µrad in a radian.
+const MICRO: f64 = 1e6;
 /// Most rows.
 const MOST: usize = 10_000;
 
 fn write(job: &Job<'_>) -> Result<String, CureError> {
-    let axis = job.one_axis()?.to_owned();
-    let own: Vec<Cause> = job
-        .causes
-        .iter()
-        .filter(|one| one.axis() == axis)
-        .cloned()
-        .collect();
-    let rotary = own.iter().any(turns);
-    // mm and µm; degrees and µrad of a rotary axis.
-    let (unit, small, names) = if rotary {
-        (1.0_f64.to_degrees(), 1e6, ["deg", "urad"])
+    let (axis, own, unit) = job.of_one_axis()?;
+    let names = if own.iter().any(turns) {
+        ["deg", "urad"]
     } else {
-        (1e3, 1e6, ["mm", "um"])
+        ["mm", "um"]
     };
     let places = places(&own, job.travel(unit)?, job.request.points, MOST)?;
     let errors = errors(&own, &axis, &places)?;
@@ -53,7 +47,7 @@ fn write(job: &Job<'_>) -> Result<String, CureError> {
             .map(|((at, [up, down]), uncertainty)| {
                 let [up, down, mean, lost, uncertainty] =
                     [*up, *down, 0.5 * (up + down), up - down, *uncertainty]
-                        .map(|value| value * small);
+                        .map(|value| value * MICRO);
                 format!(
                     "{axis},{:.6},{up:.3},{down:.3},{mean:.3},{lost:.3},{uncertainty:.3}\n",
                     at * unit

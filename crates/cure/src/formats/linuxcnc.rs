@@ -126,16 +126,13 @@ fn backlash(
 fn comp(job: &Job<'_>) -> Result<String, CureError> {
     let file = job.current(WHAT)?;
     let settings = Settings::of(file);
-    let axis = job.one_axis()?.to_owned();
+    let (axis, own, _) = job.of_one_axis()?;
     let section = joint(&settings, &axis)?;
     if settings.text(&section, "COMP_FILE").is_some() {
         return Err(settings.wrong(&format!(
             "[{section}] has a COMP_FILE already: measure without it, since two tables do not add up"
         )));
     }
-    let own: Vec<Cause> = (job.causes.iter().filter(|one| one.axis() == axis))
-        .cloned()
-        .collect();
     let Some(first) = own.first() else {
         return Err(CureError::Report(format!(
             "the report has no cause of axis {axis}"

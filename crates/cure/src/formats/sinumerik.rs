@@ -6,8 +6,7 @@
 
 use super::table::even_places;
 use crate::CureError;
-use crate::axis_error::{errors, turns};
-use crate::cause::Cause;
+use crate::axis_error::errors;
 use crate::head::{commented, number};
 use crate::job::{Format, Job};
 
@@ -28,19 +27,7 @@ pub(crate) const ENC_COMP: Format = Format {
 const MOST: usize = 5000;
 
 fn write(job: &Job<'_>) -> Result<String, CureError> {
-    let axis = job.one_axis()?.to_owned();
-    let own: Vec<Cause> = job
-        .causes
-        .iter()
-        .filter(|one| one.axis() == axis)
-        .cloned()
-        .collect();
-    // mm, and degrees of a rotary axis.
-    let unit = if own.iter().any(turns) {
-        1.0_f64.to_degrees()
-    } else {
-        1e3
-    };
+    let (axis, own, unit) = job.of_one_axis()?;
     let places = even_places(&own, job.travel(unit)?, job.request.points, MOST)?;
     let errors = errors(&own, &axis, &places)?;
     let machine_axis = format!("{axis}1");

@@ -50,6 +50,19 @@ async fn blocking(work: impl FnOnce() -> Response + Send + 'static) -> Response 
         })
 }
 
+/// A page of a recording; where it cannot be opened, why not.
+async fn of_recording(
+    shared: Shared,
+    name: String,
+    work: impl FnOnce(&Opened) -> Response + Send + 'static,
+) -> Response {
+    blocking(move || match shared.recordings.open(&name) {
+        Ok(opened) => work(&opened),
+        Err(error) => refused(&error),
+    })
+    .await
+}
+
 fn refused(error: &RecordingError) -> Response {
     missing(&format!("{error}."))
 }
@@ -76,12 +89,8 @@ pub(super) async fn session(
     Path(name): Path<String>,
     Query(look): Query<Look>,
 ) -> Response {
-    blocking(move || {
-        let opened = match shared.recordings.open(&name) {
-            Ok(opened) => opened,
-            Err(error) => return refused(&error),
-        };
-        let at = instant(&opened, look.t);
+    of_recording(shared, name, move |opened| {
+        let at = instant(opened, look.t);
         let hall = opened.at(at);
         page(view::session_page(&SessionView {
             listed: &opened.listed,
@@ -101,12 +110,8 @@ pub(super) async fn session_description(
     Path(name): Path<String>,
     Query(look): Query<Look>,
 ) -> Response {
-    blocking(move || {
-        let opened = match shared.recordings.open(&name) {
-            Ok(opened) => opened,
-            Err(error) => return refused(&error),
-        };
-        let hall = opened.at(instant(&opened, None));
+    of_recording(shared, name, move |opened| {
+        let hall = opened.at(instant(opened, None));
         let cell = chosen(&hall, look.cell.as_deref());
         cell.map_or_else(String::new, |cell| cell.description.to_string())
             .into_response()

@@ -109,6 +109,24 @@ impl Request {
 /// Bytes of requests that wait for the thread of a service; what comes beyond is refused.
 const MOST_WAITING: usize = 64 << 20;
 
+/// Bytes that wait, at most [`MOST_WAITING`].
+#[derive(Default)]
+struct Waiting(AtomicUsize);
+
+impl Waiting {
+    /// Takes so many bytes more; false where they are too many.
+    fn takes(&self, length: usize) -> bool {
+        let sum = |now: usize| now.checked_add(length).filter(|&sum| sum <= MOST_WAITING);
+        (self.0)
+            .fetch_update(Ordering::AcqRel, Ordering::Acquire, sum)
+            .is_ok()
+    }
+
+    fn leaves(&self, length: usize) {
+        self.0.fetch_sub(length, Ordering::AcqRel);
+    }
+}
+
 /// Called with requests; must not block.
 pub type OnRequest = Box<dyn Fn(Request) + Send + Sync>;
 
@@ -198,8 +216,8 @@ impl Bus {
         mut handler: Handler,
     ) -> Result<Server, BusError> {
         let (sender, requests) = mpsc::channel::<Request>();
-        let waiting = Arc::new(AtomicUsize::new(0));
-        let taken = Arc::clone(&waiting);
+        let waiting = Arc::new(Waiting::default());
+        let answered = Arc::clone(&waiting);
         std::thread::Builder::new()
             .name(format!("service {name}"))
             .spawn(move || {
@@ -207,18 +225,16 @@ impl Bus {
                     let length = request.payload.len();
                     let answer = handler(&request.payload);
                     request.answer(answer);
-                    taken.fetch_sub(length, Ordering::AcqRel);
+                    answered.leaves(length);
                 }
             })
             .map_err(|reason| BusError::transport("start a service's thread", &reason))?;
         // The thread ends only after this sender, unless the handler has panicked: then the request is dropped here.
         let queue = move |request: Request| {
-            let length = request.payload.len();
-            if waiting.fetch_add(length, Ordering::AcqRel) + length > MOST_WAITING {
-                waiting.fetch_sub(length, Ordering::AcqRel);
-                request.answer(Err("too much is waiting to be answered".to_owned()));
-            } else {
+            if waiting.takes(request.payload.len()) {
                 drop(sender.send(request));
+            } else {
+                request.answer(Err("too much is waiting to be answered".to_owned()));
             }
         };
         self.serve_deferred(name, ty, Box::new(queue))
@@ -431,4 +447,18 @@ impl Client {
 /// The instant now, ns since 1970, by the clock of the cell.
 pub(crate) fn wall_ns() -> i64 {
     crate::clock::now().0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_waits_is_bounded_and_makes_room_again() {
+        let waiting = Waiting::default();
+        assert!(waiting.takes(MOST_WAITING - 1) && waiting.takes(1));
+        assert!(!waiting.takes(1) && !waiting.takes(usize::MAX));
+        waiting.leaves(MOST_WAITING - 1);
+        assert!(waiting.takes(MOST_WAITING - 1) && !waiting.takes(1));
+    }
 }

@@ -6,7 +6,6 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use diagnosis::{Options, Report};
-use serde_json::Value;
 
 use super::diagnose;
 
@@ -31,13 +30,8 @@ pub(super) fn read(path: &Path) -> anyhow::Result<(Report, String)> {
         text = fs::read_to_string(path)
             .with_context(|| format!("cannot read the report {}", path.display()))?;
     }
-    let is_none = || format!("{} is not a single gap report", path.display());
-    let mut value: Value = serde_json::from_str(&text).with_context(is_none)?;
-    // Of no use to who reads a report, and JSON has no number for the limit of a feature that is open.
-    if let Some(next) = value.get_mut("next_measurement") {
-        *next = Value::Array(Vec::new());
-    }
-    let report: Report = serde_json::from_value(value).with_context(is_none)?;
+    let report: Report = serde_json::from_str(&text)
+        .with_context(|| format!("{} is not a single gap report", path.display()))?;
     if report.schema != diagnosis::report::SCHEMA {
         bail!(
             "{} has the schema {:?}, not {:?}",

@@ -73,7 +73,7 @@ impl Supervised {
     }
 
     /// The sentence that says how it ended.
-    fn obituary(&self, status: ExitStatus) -> String {
+    fn end_text(&self, status: ExitStatus) -> String {
         format!("{} ended ({status}); restarting it", self.name)
     }
 }
@@ -181,7 +181,7 @@ impl Processes {
                     let text = format!("{} cannot run: see the error above", node.name);
                     return Err(CellFailure(text).into());
                 }
-                let text = node.obituary(status);
+                let text = node.end_text(status);
                 output::warning(&text);
                 ended.push((node.name.clone(), text));
             } else if restarted && node.is_due() {
@@ -211,14 +211,13 @@ impl Processes {
             if is_of_input(status) {
                 self.dashboard = None;
             } else {
-                output::warning(&dashboard.obituary(status));
+                output::warning(&dashboard.end_text(status));
             }
         } else if restarted && dashboard.is_due() {
             let child = self.spawn_dashboard()?;
-            self.dashboard = (self.dashboard.take()).map(|mut dashboard| {
+            if let Some(dashboard) = &mut self.dashboard {
                 dashboard.restarted(child);
-                dashboard
-            });
+            }
         }
         Ok(())
     }

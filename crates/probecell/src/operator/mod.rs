@@ -34,7 +34,7 @@ use graph::{Topic, topics};
 use host::{
     bus::{Bus, Graph, Publisher, Received, Server, Subscription, TypeId},
     bus_qos,
-    private::{PrivateServices, Removed},
+    private::{PrivateServices, SocketFile},
 };
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, GapReport, LossReport, MachineState, Message,
@@ -75,7 +75,7 @@ pub(crate) struct Operator {
     _description: Publisher,
     subscriptions: Vec<Subscription>,
     servers: Vec<Server>,
-    private: Option<Removed>,
+    private: Option<SocketFile>,
 }
 
 impl Operator {

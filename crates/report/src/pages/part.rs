@@ -369,12 +369,12 @@ fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
 
 /// UTC, to the second.
 fn time(stamp: Time) -> String {
-    readable(&humantime::format_rfc3339_seconds(instant(stamp)).to_string())
+    readable(&humantime::format_rfc3339_seconds(stamp.into()).to_string())
 }
 
 /// UTC, to the millisecond, so that successive steps differ.
 fn moment(stamp: Time) -> String {
-    readable(&humantime::format_rfc3339_millis(instant(stamp)).to_string())
+    readable(&humantime::format_rfc3339_millis(stamp.into()).to_string())
 }
 
 /// UTC, to the second; none of a stamp that nobody has set, as in a table of touches without times.
@@ -390,8 +390,4 @@ fn asked_at(stamp: Time) -> String {
 /// Date and time of day as people write them.
 fn readable(rfc3339: &str) -> String {
     rfc3339.trim_end_matches('Z').replace('T', " ")
-}
-
-fn instant(stamp: Time) -> std::time::SystemTime {
-    std::time::UNIX_EPOCH + std::time::Duration::from_nanos(stamp.nanos().unsigned_abs())
 }
