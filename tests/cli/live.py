@@ -81,8 +81,8 @@ def status(cell, folder):
 
 
 @contextlib.contextmanager
-def cell_that_is_ready(cell, folder, **how):
-    with started("up", cell, folder=folder, **how) as up:
+def cell_that_is_ready(cell, folder, more=(), **how):
+    with started("up", cell, *more, folder=folder, **how) as up:
         line = up.line()
         assert "is ready" in line, (line, up.errors)
         yield up
@@ -404,6 +404,50 @@ def a_dashboard_that_dies_is_started_again(folder):
         until("its page", page)
         part_is_asked_for(cell, folder)
         part_is_good(up)
+
+
+def a_part_on_simulated_time_is_the_same_part(folder):
+    said, span = {}, {}
+    for speed in ("real", "max"):
+        own = folder / speed
+        own.mkdir()
+        words = () if speed == "real" else ("--speed", speed)
+        code, output, errors = asked("up", CELL.parent / "ball_check.toml", "--once", "--no-dashboard", *words, folder=own)
+        assert code == 0, (speed, output, errors)
+        said[speed] = [line for line in output.splitlines() if not line.startswith("recorded in ")]
+        (bag,) = (own / "recordings").glob("*")
+        span[speed] = json.loads(asked("info", bag, "--json", folder=own)[1])["duration_ns"]
+        code, output, errors = asked("replay", bag, folder=own)
+        assert code == 0, (speed, output, errors)
+    assert said["real"] == said["max"], said
+    # Nobody waits for a simulated machine, but on its own clock it takes its time; planning takes none there.
+    assert 0.5 * span["real"] < span["max"] < 1.5 * span["real"], span
+
+
+def a_cell_on_simulated_time_is_supervised(folder):
+    cell = own_cell(folder, cut_s=LONG)
+    with cell_that_is_ready(cell, folder, more=("--speed", "20")) as up, client() as session:
+        clocks = []
+
+        def hear(sample):
+            clocks.append(struct.unpack_from("<iI", sample.payload.to_bytes(), 4))
+            kit.happened()
+
+        session.declare_subscriber("0/clock/**", hear)
+        cutting(cell, folder)
+        until("a minute of its clock", lambda: clocks and clocks[-1][0] - clocks[0][0] > LONG)
+        assert clocks == sorted(clocks), "the clock went back"
+        part_is_good(up)
+        cutting(cell, folder)
+        os.kill(kit.child(up.pid, "node", "cycle"), signal.SIGKILL)
+        up.says("cycle was restarted while the part was made")
+        # Its operation is nobody's any more, and comes to its end.
+        until("a machine that is idle", lambda: "machine: idle" in asked("status", "--cell", cell, folder=folder)[1])
+        cutting(cell, folder)
+        code, output, errors = asked("stop", "--operator", "Ada", "--cell", cell, folder=folder)
+        assert code == 0 and "stands" in output, (code, output, errors)
+    code, output, errors = asked("up", CELL.parent / "external.toml", "--speed", "max", folder=folder)
+    assert code == 2 and "the time of the real world" in errors, (code, output, errors)
 
 
 @contextlib.contextmanager
@@ -860,7 +904,8 @@ CHECKS = (
     a_paused_cycle_starts_nothing_late, the_same_cell_is_not_started_twice_and_another_outlives_its_router,
     a_wall_clock_set_back_is_a_recorded_fault, a_disk_that_fails_stops_the_part_and_the_cell,
     a_recording_that_is_taken_away_stops_the_part_and_is_kept, a_dashboard_that_dies_is_started_again,
-    a_killed_launcher_leaves_nothing_that_holds_commands_up,
+    a_killed_launcher_leaves_nothing_that_holds_commands_up, a_part_on_simulated_time_is_the_same_part,
+    a_cell_on_simulated_time_is_supervised,
     corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,
     a_secured_cell_works_and_nobody_else_speaks, an_operator_stops_a_part_while_strangers_take_what_they_can, a_stranger_reads_and_commands_nothing,
     another_user_reads_and_commands_nothing, a_cell_that_has_gone_is_kept_for_late_dashboards,

@@ -75,7 +75,9 @@ pub use sections::{
 pub use signals::SignalSection;
 
 /// Topics by which a cell is seen with others, by their names in every ROS 2 system.
-pub const SHARED: [&str; 3] = ["/diagnostics", "/tf", "/tf_static"];
+pub const SHARED: [&str; 4] = ["/diagnostics", "/tf", "/tf_static", CLOCK];
+/// The clock of a cell on simulated time, as ROS 2 names it.
+pub const CLOCK: &str = "/clock";
 
 /// Text of a cell file and of the robot description that it names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -170,7 +170,10 @@ fn set(rule: &str) -> Result<Option<Change>, String> {
     if key == "use_sim_time" {
         let asked = value.trim() == "true";
         return if asked {
-            Err("stamps are those of the clock of the cell".to_owned())
+            Err(
+                "simulated time is for a simulated machine, by an option of `up`: --speed TIMES"
+                    .to_owned(),
+            )
         } else {
             Ok(None)
         };

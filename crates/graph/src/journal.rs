@@ -62,11 +62,6 @@ impl Journal {
         self.steps.is_empty()
     }
 
-    /// The instant of the oldest step that waits.
-    pub fn oldest(&self) -> Option<Stamp> {
-        self.steps.first().map(|step| step.now)
-    }
-
     /// Takes the waiting steps as one message.
     pub fn take(&mut self) -> Option<StepJournal> {
         let last = self.steps.last()?;

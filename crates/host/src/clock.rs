@@ -3,8 +3,16 @@
 //! Stamps of all processes of a host are the system's monotonic clock plus one offset, which the launcher fixes at the start
 //! of the cell and passes on. A wall clock that is set, by a person or by NTP, neither stops a timer nor puts stamps out of
 //! order; [`WallClock`] notices it.
+//!
+//! A cell whose machine is simulated can have a simulated clock instead ([`crate::sim_time`]).
 
 use std::{
+    fmt,
+    fs::File,
+    io,
+    os::unix::fs::FileExt as _,
+    path::{Path, PathBuf},
+    str::FromStr,
     sync::OnceLock,
     time::{SystemTime, UNIX_EPOCH},
 };
@@ -51,18 +59,91 @@ fn checked(wall: SystemTime) -> Result<(), ClockOutOfRange> {
 }
 
 /// Offset of this process's stamps from the monotonic clock of the system, ns; fixed when it is first asked for.
-pub fn offset() -> i64 {
+fn offset() -> i64 {
     *OFFSET.get_or_init(|| wall() - monotonic())
 }
 
 /// Takes over the offset (ns) of the cell that this process belongs to. True unless another one is in use already.
-pub fn set_offset(offset: i64) -> bool {
+fn set_offset(offset: i64) -> bool {
     *OFFSET.get_or_init(|| offset) == offset
 }
 
+/// The simulated clock that this process follows.
+static SIMULATED: OnceLock<(PathBuf, File)> = OnceLock::new();
+
 /// The instant now. It never goes back.
 pub fn now() -> Stamp {
-    Stamp(monotonic() + offset())
+    let mut instant = [0; 8];
+    match SIMULATED.get() {
+        Some((_, file)) if file.read_exact_at(&mut instant, 0).is_ok() => {
+            Stamp(i64::from_le_bytes(instant))
+        }
+        _ => Stamp(monotonic() + offset()),
+    }
+}
+
+/// The file of the simulated clock that this process follows; none by the clock of the system.
+pub fn simulated() -> Option<&'static Path> {
+    SIMULATED.get().map(|(path, _)| path.as_path())
+}
+
+/// The clock of a cell, as its launcher passes it on to a process: a number, or the path of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CellClock {
+    /// ns from the monotonic clock of the system to stamps.
+    Offset(i64),
+    /// The file of a simulated clock.
+    Simulated(PathBuf),
+}
+
+impl CellClock {
+    /// That of the system, also in a process that follows a simulated one.
+    pub fn of_system() -> Self {
+        Self::Offset(offset())
+    }
+
+    /// The one of this process.
+    pub fn of_this_process() -> Self {
+        simulated().map_or_else(
+            || Self::Offset(offset()),
+            |path| Self::Simulated(path.to_owned()),
+        )
+    }
+
+    /// Follows it from now on, unless this process follows one already.
+    ///
+    /// # Errors
+    /// The file of a simulated clock cannot be read.
+    pub fn follow(self) -> io::Result<()> {
+        match self {
+            Self::Offset(offset) => {
+                set_offset(offset);
+            }
+            Self::Simulated(path) => {
+                let file = File::open(&path)?;
+                file.read_exact_at(&mut [0; 8], 0)?;
+                SIMULATED.get_or_init(|| (path, file));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl FromStr for CellClock {
+    type Err = std::convert::Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Ok((text.parse()).map_or_else(|_| Self::Simulated(text.into()), Self::Offset))
+    }
+}
+
+impl fmt::Display for CellClock {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Offset(offset) => write!(formatter, "{offset}"),
+            Self::Simulated(path) => write!(formatter, "{}", path.display()),
+        }
+    }
 }
 
 /// Notices that the wall clock was set.

@@ -19,6 +19,7 @@
 //! | [`signals`] | publishes what a program beside this one reads of auxiliary controllers (PLCs) |
 //! | [`rosout`] | the log of the process on `/rosout` |
 //! | [`clock`] | stamps on the monotonic clock |
+//! | [`sim_time`] | the clock of a cell whose machine is simulated, as fast as its processes keep up |
 //!
 //! ```
 //! use std::{sync::mpsc::channel, time::{Duration, Instant}};
@@ -63,6 +64,7 @@ pub mod recording;
 mod robot;
 pub mod rosout;
 pub mod signals;
+pub mod sim_time;
 mod topology;
 
 pub use clock::now;

@@ -6,7 +6,7 @@
 
 use std::{
     collections::BTreeMap,
-    sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel},
+    sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel},
     time::{Duration, Instant},
 };
 
@@ -21,7 +21,8 @@ use tracing::{error, warn};
 
 use crate::{
     bus::{self, Bus, BusError, Lost, Publisher, Received, Subscription, TypeId},
-    clock::now,
+    clock::{self, now},
+    sim_time::Member,
     topology::{bus_qos, wait_for_subscriptions},
 };
 
@@ -30,8 +31,8 @@ const DESCRIPTORS: u64 = 65_536;
 
 /// Steps after which a batch of the journal goes out.
 const JOURNAL_STEPS: usize = 256;
-/// s after which a batch goes out even if it is small.
-const JOURNAL_AGE: f64 = 0.1;
+/// After which a batch goes out even if it is small.
+const JOURNAL_AGE: Duration = Duration::from_millis(100);
 /// Batches that a publisher keeps for a recorder behind a link that is cut: two minutes of a node that is always busy. Kept
 /// by number of steps they would grow for a quarter of an hour, half a megabyte a minute.
 const JOURNAL_KEPT: usize = 1_200;
@@ -72,6 +73,9 @@ pub enum ProcessError {
     /// The bus failed.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// The launcher, which keeps the simulated clock, cannot be reached.
+    #[error("the simulated clock of the cell is gone: {0}")]
+    Clock(#[from] std::io::Error),
 }
 
 enum Event {
@@ -84,6 +88,8 @@ enum Event {
         port: usize,
         lost: Lost,
     },
+    /// A timer is due by the simulated clock.
+    Wake,
     Stop,
 }
 
@@ -116,7 +122,7 @@ pub fn run_node(
             process.node.name()
         );
     }
-    process.run(&receiver)?;
+    process.run(&receiver, &sender)?;
     process.publish_journal()?;
     process.leave();
     bus.close(CLOSE_TIMEOUT)?;
@@ -152,9 +158,14 @@ struct Process {
     journal_publisher: Publisher,
     subscriptions: Vec<Subscription>,
     journal: Journal,
+    /// When its oldest step was made.
+    journal_begun: Option<Instant>,
     timers: BTreeMap<(Stamp, u64), u32>,
     timers_set: u64,
     last: Stamp,
+    /// Numbers of the last messages: published, by output and then of the journal; taken, by input.
+    published: Vec<u64>,
+    taken: Vec<u64>,
 }
 
 impl Process {
@@ -165,7 +176,7 @@ impl Process {
         sender: &Sender<Event>,
     ) -> Result<Self, BusError> {
         let absolute = |name: &str| format!("{}/{name}", settings.namespace);
-        let publishers = node
+        let publishers: Vec<Publisher> = node
             .outputs()
             .iter()
             .map(|topic| bus.publisher(&absolute(topic.name), topic.message, bus_qos(topic.qos)))
@@ -179,7 +190,7 @@ impl Process {
                 ..bus_qos(qos)
             },
         )?;
-        let mut subscriptions = Vec::new();
+        let mut subscriptions: Vec<Subscription> = Vec::new();
         for (port, topic) in node.inputs().iter().enumerate() {
             let (samples, losses) = (sender.clone(), sender.clone());
             // The queue is gone only at the end, when the message is no longer needed.
@@ -202,17 +213,19 @@ impl Process {
         }
         let journal = Journal::new(node.name(), settings.incarnation);
         let namespace = settings.namespace.clone();
-        let (timers, last) = (BTreeMap::new(), Stamp::default());
         Ok(Self {
-            node,
             namespace,
+            published: vec![0; publishers.len() + 1],
+            taken: vec![0; subscriptions.len()],
+            node,
             publishers,
             journal_publisher,
             subscriptions,
             journal,
-            timers,
+            journal_begun: None,
+            timers: BTreeMap::new(),
             timers_set: 0,
-            last,
+            last: Stamp::default(),
         })
     }
 
@@ -237,13 +250,28 @@ impl Process {
             .collect()
     }
 
-    fn run(&mut self, receiver: &Receiver<Event>) -> Result<(), BusError> {
+    fn run(
+        &mut self,
+        receiver: &Receiver<Event>,
+        sender: &Sender<Event>,
+    ) -> Result<(), ProcessError> {
+        let mut member = self.follow_clock(sender.clone())?;
         let first = self.clock();
         self.timer(first, START)?;
         loop {
             self.fire_due()?;
             // A node that sets a timer at once, for the next slice of long work, gets the messages that arrived meanwhile first.
-            let first = match receiver.recv_timeout(self.time_to_next()) {
+            let waiting = match receiver.try_recv() {
+                Ok(event) => Ok(event),
+                Err(TryRecvError::Disconnected) => Err(RecvTimeoutError::Disconnected),
+                Err(TryRecvError::Empty) => {
+                    if let Some(member) = &mut member {
+                        self.rest(member)?;
+                    }
+                    receiver.recv_timeout(self.time_to_next())
+                }
+            };
+            let first = match waiting {
                 Ok(event) => Some(event),
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
@@ -256,6 +284,7 @@ impl Process {
                         payload,
                     } => self.message(port, sequence, &payload)?,
                     Event::Lost { port, lost } => {
+                        self.taken[port] = self.taken[port].max(lost.first + lost.count - 1);
                         let topic = self.node.inputs()[port].name;
                         error!(
                             "{}: lost {} messages on {topic} from number {}",
@@ -264,17 +293,38 @@ impl Process {
                             lost.first
                         );
                     }
+                    Event::Wake => {}
                     Event::Stop => return Ok(()),
                 }
             }
-            let age = self
-                .journal
-                .oldest()
-                .map_or(0.0, |oldest| now().since_s(oldest));
-            if self.journal.len() >= JOURNAL_STEPS || age >= JOURNAL_AGE {
+            let age = self.journal_begun.map(|begun| begun.elapsed());
+            if self.journal.len() >= JOURNAL_STEPS || age.is_some_and(|age| age >= JOURNAL_AGE) {
                 self.publish_journal()?;
             }
         }
+    }
+
+    /// Joins the simulated clock of the cell, where it has one.
+    fn follow_clock(&self, sender: Sender<Event>) -> std::io::Result<Option<Member>> {
+        let names = |topics: &[graph::Topic]| -> Vec<String> {
+            topics.iter().map(|topic| topic.name.to_owned()).collect()
+        };
+        let mut publishes = names(self.node.outputs());
+        publishes.push(topics::journal_name(self.node.name()));
+        let takes = names(self.node.inputs());
+        Member::join(self.node.name(), publishes, takes, move || {
+            sender.send(Event::Wake).is_ok()
+        })
+    }
+
+    /// Reports to the simulated clock that there is nothing to do before the next timer.
+    fn rest(&self, member: &mut Member) -> std::io::Result<()> {
+        let wake = self.timers.keys().next().map(|&(at, _)| at);
+        if wake.is_some_and(|wake| wake <= self.last) {
+            return Ok(());
+        }
+        let (published, taken) = (self.published.iter(), self.taken.iter());
+        member.rest(wake, published.copied(), taken.copied())
     }
 
     /// The instant now, never before the last one given.
@@ -285,15 +335,17 @@ impl Process {
 
     /// Until the next timer, or until the journal is due.
     fn time_to_next(&self) -> Duration {
-        let next = self.timers.keys().next().map(|&(at, _)| at);
-        let journal = self
-            .journal
-            .oldest()
-            .map(|oldest| oldest.after_s(JOURNAL_AGE));
-        let due = next.into_iter().chain(journal).min();
-        due.map_or(Duration::from_secs(1), |due| {
-            Duration::from_secs_f64(due.since_s(now()).clamp(0.0, 1.0))
-        })
+        let journal = self.journal_begun.map_or(Duration::from_secs(1), |begun| {
+            JOURNAL_AGE.saturating_sub(begun.elapsed())
+        });
+        match self.timers.keys().next() {
+            // The simulated clock says when it is due.
+            Some(&(at, _)) if clock::simulated().is_some() && at > self.last => journal,
+            Some(&(at, _)) => {
+                journal.min(Duration::from_secs_f64(at.since_s(now()).clamp(0.0, 1.0)))
+            }
+            None => journal,
+        }
     }
 
     /// Fires the timers that are due. Those that they ask for wait until messages had their turn.
@@ -324,6 +376,7 @@ impl Process {
 
     fn message(&mut self, port: usize, sequence: u64, payload: &[u8]) -> Result<(), BusError> {
         let instant = self.clock();
+        self.taken[port] = self.taken[port].max(sequence);
         match self.node.deliver(instant, port, payload) {
             Ok(emitted) => self.settle(
                 Step {
@@ -345,20 +398,22 @@ impl Process {
 
     fn settle(&mut self, step: Step, emitted: Emitted) -> Result<(), BusError> {
         for (port, payload) in emitted.messages {
-            self.publishers[port].publish(payload, step.now.0)?;
+            self.published[port] = self.publishers[port].publish(payload, step.now.0)?;
         }
         for (at, id) in emitted.timers {
             self.timers.insert((at, self.timers_set), id);
             self.timers_set += 1;
         }
         self.journal.push(step);
+        self.journal_begun.get_or_insert_with(Instant::now);
         Ok(())
     }
 
     fn publish_journal(&mut self) -> Result<(), BusError> {
+        self.journal_begun = None;
         if let Some(message) = self.journal.take() {
-            self.journal_publisher
-                .publish(to_cdr(&message), self.last.0)?;
+            let number = (self.journal_publisher).publish(to_cdr(&message), self.last.0)?;
+            self.published[self.publishers.len()] = number;
         }
         Ok(())
     }
@@ -401,7 +456,7 @@ mod tests {
             sequence: vec![0; JOURNAL_STEPS],
             ..StepJournal::default()
         };
-        assert!(JOURNAL_KEPT as f64 * JOURNAL_AGE >= 119.9);
+        assert!(JOURNAL_AGE * JOURNAL_KEPT as u32 >= Duration::from_secs(119));
         assert!(to_cdr(&full).len() * JOURNAL_KEPT <= 8 << 20);
     }
 }

@@ -3,7 +3,15 @@
 //! Subscriptions push on the transport's threads into a bounded queue; a thread of the bag's own writes. A loss on the
 //! bus is written down in the bag and published on `loss_reports`.
 
-use std::{collections::BTreeMap, path::PathBuf, sync::Arc, time::Duration};
+use std::{
+    collections::BTreeMap,
+    path::PathBuf,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
+    time::Duration,
+};
 
 use bags::{Channel, Recorder, RecorderOptions, Sealer, SplitAt, Statistics};
 use graph::{Stamp, Topic, topics};
@@ -56,7 +64,13 @@ pub enum RecordingError {
 pub struct RecorderProcess {
     recorder: Recorder,
     subscriptions: Vec<Subscription>,
+    /// Number of the last message of each topic of the cell and of each journal.
+    taken: Vec<Arc<AtomicU64>>,
+    on_taken: OnTaken,
 }
+
+/// Called after each message that is taken; must not block.
+pub type OnTaken = Arc<dyn Fn() + Send + Sync>;
 
 /// Publishes losses on the bus.
 struct Losses {
@@ -69,7 +83,11 @@ impl RecorderProcess {
     ///
     /// # Errors
     /// What the bus or the file system says.
-    pub fn start(bus: &Bus, settings: RecordingSettings) -> Result<Self, RecordingError> {
+    pub fn start(
+        bus: &Bus,
+        settings: RecordingSettings,
+        on_taken: OnTaken,
+    ) -> Result<Self, RecordingError> {
         let mut options = RecorderOptions::new(&settings.folder);
         options.sync_interval = settings.sync_interval;
         options.split = settings.split;
@@ -90,16 +108,20 @@ impl RecorderProcess {
         let mut process = Self {
             recorder,
             subscriptions: Vec::new(),
+            taken: Vec::new(),
+            on_taken,
         };
         let absolute = |name: &str| format!("{}/{name}", settings.namespace);
         for topic in &settings.topics {
             let name = absolute(topic.name);
-            process.subscribe(bus, &name, topic.message, topic.qos, &losses)?;
+            let taken = process.subscribe(bus, &name, topic.message, topic.qos, &losses)?;
+            process.taken.push(taken);
         }
         for node in &settings.nodes {
             let (message, qos) = topics::JOURNAL;
             let name = absolute(&topics::journal_name(node));
-            process.subscribe(bus, &name, message, qos, &losses)?;
+            let taken = process.subscribe(bus, &name, message, qos, &losses)?;
+            process.taken.push(taken);
         }
         let (_, message, qos) = topics::DIAGNOSTICS;
         process.subscribe(bus, &settings.diagnostics, message, qos, &losses)?;
@@ -113,11 +135,15 @@ impl RecorderProcess {
         message: &'static MessageType,
         qos: graph::Qos,
         losses: &Arc<Losses>,
-    ) -> Result<(), RecordingError> {
+    ) -> Result<Arc<AtomicU64>, RecordingError> {
         let pusher = self.recorder.pusher();
         let channel = pusher.channel(&Channel::of(name, message, bag_qos(qos)))?;
         let for_losses = pusher.clone();
+        let taken = Arc::new(AtomicU64::new(0));
+        let last = Arc::clone(&taken);
+        let on_taken = Arc::clone(&self.on_taken);
         let on_sample = move |received: Received<'_>| {
+            let number = received.sequence;
             let (reception, source) = (received.received_ns as u64, received.source_time_ns as u64);
             let pushed = pusher.push(
                 channel,
@@ -128,6 +154,8 @@ impl RecorderProcess {
             );
             // A full queue is counted by the bag itself; a stopped or failed one is reported by `finish`.
             drop(pushed);
+            last.store(number, Ordering::Release);
+            on_taken();
         };
         let losses = Arc::clone(losses);
         let prefix = format!("{}/", losses.namespace);
@@ -144,7 +172,12 @@ impl RecorderProcess {
             Box::new(on_lost),
         )?;
         self.subscriptions.push(subscription);
-        Ok(())
+        Ok(taken)
+    }
+
+    /// Number of the last message that was taken of each topic of [`topic_names`], in that order.
+    pub fn taken(&self) -> impl Iterator<Item = u64> {
+        self.taken.iter().map(|one| one.load(Ordering::Acquire))
     }
 
     /// The failure that ended the recording early, if there was one.
@@ -213,11 +246,10 @@ fn bag_qos(qos: graph::Qos) -> bags::Qos {
     }
 }
 
-/// Subscriptions that the recorder adds: one to each topic of the cell and one to each journal.
-pub fn subscriptions_of_recorder(topics: &[Topic], nodes: &[&str]) -> BTreeMap<String, usize> {
+/// What the recorder subscribes to, once each, below the namespace of the cell: each topic, then each journal.
+pub fn topic_names(topics: &[Topic], nodes: &[&str]) -> Vec<String> {
     let names = topics.iter().map(|topic| topic.name.to_owned());
     names
         .chain(nodes.iter().map(|node| topics::journal_name(node)))
-        .map(|name| (name, 1))
         .collect()
 }

@@ -200,12 +200,13 @@ pub(crate) fn router_config(cell: &Cell) -> anyhow::Result<RouterConfig> {
 pub(crate) fn show(bus: &Bus, cell: &Cell, node: &str) -> anyhow::Result<()> {
     let namespace = cell.namespace();
     host::rosout::publish(bus, &namespace, node)?;
-    // Every ROS 2 node has it. Stamps are those of the cell's clock in any case.
+    // Every ROS 2 node has it.
     let sim_time = ParameterValue {
         r#type: ParameterType::PARAMETER_BOOL,
+        bool_value: host::clock::simulated().is_some(),
         ..ParameterValue::default()
     };
-    let sim_time = Declared::read_only("use_sim_time", sim_time, "the clock of the cell counts");
+    let sim_time = Declared::read_only("use_sim_time", sim_time, "by `up --speed`");
     let settings = cell::parameters::of(cell, node).into_iter();
     let settings =
         settings.map(|(name, value)| Declared::read_only(&name, value, "of the cell file"));

@@ -71,6 +71,10 @@ impl CellClient {
     /// Connects.
     pub(crate) fn connect(file: &Path) -> anyhow::Result<Self> {
         let cell = read_cell(file)?;
+        // What is signed is as old as the cell takes it to be.
+        if let Some(clock) = OwnSocket::of_clock(&cell) {
+            host::sim_time::follow(clock.path());
+        }
         Ok(Self {
             calls: OwnSocket::of_calls(&cell),
             cell,

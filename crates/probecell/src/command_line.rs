@@ -4,8 +4,9 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
+use host::clock::CellClock;
 
-use crate::{DEFAULT_CELL, commands, running::Meant};
+use crate::{DEFAULT_CELL, commands, launcher::Speed, running::Meant};
 
 /// What the help says of ROS arguments, which are no options of any command.
 const ROS_ARGUMENTS: &str = "Commands for a running cell accept ROS arguments after their own; these override the cell file:\n  \
@@ -45,6 +46,10 @@ pub(crate) enum Command {
         /// Print of each size what its decision rule says in full.
         #[arg(long)]
         verbose: bool,
+        /// Run a simulated machine on simulated time, so many times as fast as the real time, or `max`: as fast as the processes
+        /// keep up.
+        #[arg(long, value_name = "TIMES")]
+        speed: Option<Speed>,
     },
     /// Three simulated machines, each with a hidden fault: see each found, adopted, and the next part made without it.
     Demo(commands::demo::Arguments),
@@ -67,9 +72,9 @@ pub(crate) enum Command {
         /// Exit when the parent process exits.
         #[arg(long, hide = true)]
         supervised: bool,
-        /// Clock of the cell: ns from the monotonic clock of the system to stamps.
+        /// Clock of the cell: ns from the monotonic clock of the system to stamps, or the file of a simulated clock.
         #[arg(long, hide = true, allow_hyphen_values = true)]
-        clock: Option<i64>,
+        clock: Option<CellClock>,
     },
     /// Run a Zenoh router, for a cell that spans several hosts.
     Router {
@@ -107,9 +112,9 @@ pub(crate) enum Command {
         /// Exit when the parent process exits.
         #[arg(long, hide = true)]
         supervised: bool,
-        /// Clock of the cell: ns from the monotonic clock of the system to stamps.
+        /// Clock of the cell: ns from the monotonic clock of the system to stamps, or the file of a simulated clock.
         #[arg(long, hide = true, allow_hyphen_values = true)]
-        clock: Option<i64>,
+        clock: Option<CellClock>,
     },
     /// Start or stop the recording of a running cell.
     #[command(subcommand)]

@@ -10,13 +10,21 @@ mod processes;
 
 use std::{
     path::Path,
+    str::FromStr,
     sync::{Arc, atomic::AtomicBool, atomic::Ordering},
     time::{Duration, Instant},
 };
 
+use anyhow::Context as _;
 use bags::Measurement;
-use cell::{Cell, Strangers, TransportName, keys::KeyFolder};
-use host::{bus::Bus, clock::WallClock, private::PrivateServices};
+use cell::{CLOCK, Cell, Strangers, TransportName, keys::KeyFolder};
+use controllers::driver::Role;
+use host::{
+    bus::Bus,
+    clock::{CellClock, WallClock},
+    private::PrivateServices,
+    sim_time::ClockPlace,
+};
 
 use self::processes::{END_TIMEOUT, PERIOD, Processes};
 use crate::{
@@ -52,6 +60,29 @@ pub(crate) struct Wanted {
     pub(crate) shown: bool,
     /// Of each size what its decision rule says in full.
     pub(crate) verbose: bool,
+    /// Simulated time.
+    pub(crate) speed: Option<Speed>,
+}
+
+/// How fast simulated time goes: times the real time; none: as fast as the processes keep up.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Speed(Option<f64>);
+
+impl FromStr for Speed {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if text == "max" {
+            return Ok(Self(None));
+        }
+        let times = text
+            .parse()
+            .ok()
+            .filter(|times| (0.01..=1e4).contains(times));
+        times
+            .map(|times| Self(Some(times)))
+            .ok_or("a number from 0.01 to 10000, or max")
+    }
 }
 
 /// Runs a cell until SIGINT or SIGTERM, or until one part is made. A part that is being made is stopped first, and its end
@@ -62,6 +93,7 @@ pub(crate) fn up(file: &Path, wanted: Wanted) -> anyhow::Result<u8> {
         recorded,
         shown,
         verbose,
+        speed,
     } = wanted;
     let cell = read_cell(file)?;
     for warning in cell.access_warnings() {
@@ -72,9 +104,14 @@ pub(crate) fn up(file: &Path, wanted: Wanted) -> anyhow::Result<u8> {
     let _noted = running::note(&cell.cell.name, file);
     // Made before the folder is closed to this process.
     let private = private_services(&cell);
+    let clock = speed.map(|_| clock_place(&cell)).transpose()?;
     // Before this process has another thread: what begins later has no more rights.
     let confined = Routing::confine(&cell, recorded)?;
     let end = signals::end_flag()?;
+    let clock = (clock.zip(speed))
+        .map(|(place, Speed(speed))| place.start(speed, processes_of(&cell, recorded)))
+        .transpose()?
+        .map(Arc::new);
     let mut routing = Routing::start(&cell)?;
     let bus = Bus::open(
         &bus_config(&cell, "operator")?,
@@ -118,7 +155,10 @@ pub(crate) fn up(file: &Path, wanted: Wanted) -> anyhow::Result<u8> {
     for name in cell.node_names().into_iter().chain(beside) {
         processes.start(name)?;
     }
-    let mut operator = Operator::join(bus, &cell, verbose, private)?;
+    if let Some(clock) = &clock {
+        clock.publish(&bus, cell.shared(CLOCK))?;
+    }
+    let mut operator = Operator::join(bus, &cell, verbose, private, clock.clone())?;
     if !recorded {
         operator.waive_recording(&cell.namespace())?;
     }
@@ -147,6 +187,10 @@ pub(crate) fn up(file: &Path, wanted: Wanted) -> anyhow::Result<u8> {
     );
     end_part(&mut processes, &operator);
     let lost = processes.end_all()?;
+    // Whoever publishes it ends before the bus.
+    if let Some(clock) = &clock {
+        clock.end();
+    }
     operator.leave()?;
     routing.close()?;
     if let Some(folder) = &recording {
@@ -171,6 +215,35 @@ fn gap(recording: &Path) -> String {
         |error| format!("gap not known: {error}"),
         |report| headline::of(&report),
     )
+}
+
+/// Where the clock of a cell whose machine is simulated is kept. What is of the real world has the time of the real world.
+fn clock_place(cell: &Cell) -> anyhow::Result<ClockPlace> {
+    let file = &cell.text().name;
+    if !matches!(cell.driver_role(), Role::Node(_)) {
+        anyhow::bail!(
+            "{file}: driver.source = {:?}: --speed is for a simulated machine; this driver has the time of the real world",
+            cell.driver.source
+        );
+    }
+    if let Some(signals) = cell.signals_process() {
+        anyhow::bail!(
+            "{file}: --speed: {signals} reads devices, which have the time of the real world"
+        );
+    }
+    let place = OwnSocket::of_clock(cell)
+        .context("--speed: no place for the clock: neither HOME nor XDG_STATE_HOME is set")?;
+    place.prepare()?;
+    let made = ClockPlace::make(place.path()).and_then(|made| {
+        CellClock::Simulated(place.path().to_owned()).follow()?;
+        Ok(made)
+    });
+    made.with_context(|| format!("--speed: the clock of cell {}", cell.cell.name))
+}
+
+/// Number of the processes that act by the clock of a cell.
+fn processes_of(cell: &Cell, recorded: bool) -> usize {
+    cell.node_names().len() + usize::from(cell.driver_process().is_some()) + usize::from(recorded)
 }
 
 /// Where the cell answers its own user whatever strangers do to the bus. Without it commands come by the bus alone.
@@ -240,7 +313,10 @@ fn watch(
             operator.report_ended(&name, &text);
         }
         routing.supervise();
-        if let Some(step) = wall.stepped() {
+        if let Some(step) = wall
+            .stepped()
+            .filter(|_| host::clock::simulated().is_none())
+        {
             let direction = if step > 0.0 { "forward" } else { "back" };
             let text = format!(
                 "the wall clock was set {direction} by {:.1} s; stamps of this cell go on without a step",

@@ -45,7 +45,9 @@ mod signals;
 
 use std::{io::IsTerminal, process::ExitCode};
 
+use anyhow::Context as _;
 use clap::{CommandFactory, FromArgMatches};
+use host::clock::CellClock;
 use tracing_subscriber::{EnvFilter, layer::SubscriberExt, util::SubscriberInitExt};
 
 use command_line::{Arguments, Command, IN_MEMORY};
@@ -111,14 +113,17 @@ fn main() -> ExitCode {
 }
 
 /// A process of a cell ends with the launcher, and has its clock.
-fn begin_process(supervised: bool, clock: Option<i64>) -> anyhow::Result<()> {
+fn begin_process(supervised: bool, clock: Option<CellClock>) -> anyhow::Result<()> {
     if supervised {
         signals::end_with_parent()?;
     }
-    if let Some(offset) = clock {
-        host::clock::set_offset(offset);
-    }
-    Ok(())
+    let Some(clock) = clock else {
+        return Ok(());
+    };
+    clock
+        .clone()
+        .follow()
+        .with_context(|| format!("--clock {clock}"))
 }
 
 fn run(command: Command) -> anyhow::Result<u8> {
@@ -136,6 +141,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
             no_record,
             no_dashboard,
             verbose,
+            speed,
         } => {
             default_cell::provide(&cell)?;
             let wanted = launcher::Wanted {
@@ -143,6 +149,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
                 recorded: !no_record,
                 shown: !no_dashboard,
                 verbose,
+                speed,
             };
             launcher::up(&cell, wanted)
         }
@@ -203,7 +210,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Status { cell, json } => commands::status::run(&cell.file()?, json),
         Command::Stream(arguments) => commands::stream::run(&arguments),
         Command::Dashboard(arguments) => {
-            begin_process(arguments.supervised, arguments.clock)?;
+            begin_process(arguments.supervised, arguments.clock.clone())?;
             commands::dashboard::run(arguments)
         }
         Command::Watch(arguments) => commands::watch::run(arguments),

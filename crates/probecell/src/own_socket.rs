@@ -54,9 +54,18 @@ impl OwnSocket {
 
     /// Where a cell that uses a router answers its own user past the bus ([`host::private`]).
     pub(crate) fn of_calls(cell: &Cell) -> Option<Self> {
+        Self::of_cell(cell, "calls")
+    }
+
+    /// The file of the simulated clock of a cell, where it has one ([`host::sim_time`]).
+    pub(crate) fn of_clock(cell: &Cell) -> Option<Self> {
+        Self::of_cell(cell, "clock")
+    }
+
+    fn of_cell(cell: &Cell, kind: &str) -> Option<Self> {
         let (endpoint, name) = (&cell.bus.router_endpoint, cell.namespace());
         let domain = cell.bus.domain_id.unwrap_or_default().to_le_bytes();
-        Self::named(&[endpoint.as_bytes(), name.as_bytes(), &domain], "calls")
+        Self::named(&[endpoint.as_bytes(), name.as_bytes(), &domain], kind)
     }
 
     fn named(identity: &[&[u8]], kind: &str) -> Option<Self> {

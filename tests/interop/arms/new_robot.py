@@ -50,7 +50,7 @@ def check(program, arm):
         assert made.returncode == 0, made.stderr
         cell = out / f"{out.name}.toml"
         planned = time.monotonic() - begun
-        part = run(program, "up", cell, "--once", "--no-dashboard")
+        part = run(program, "up", cell, "--once", "--no-dashboard", "--speed", "max")
         assert part.returncode == 0, part.stdout + part.stderr
         [recording] = pathlib.Path(folder, "recordings").iterdir()
         report = json.loads(run(program, "diagnose", "--json", recording).stdout)

@@ -195,7 +195,7 @@ touch_points_mm = [[-25.0, 30.0, -8.0], [25.0, 30.0, -8.0], [0.0, 30.0, -16.0], 
 
 
 def run(folder, cell):
-    code, output, errors = kit.run(PROGRAM, "up", cell, "--once", folder=folder, seconds=300)
+    code, output, errors = kit.run(PROGRAM, "up", cell, "--once", "--speed", "max", folder=folder, seconds=300)
     return code, output + errors
 
 

@@ -10,6 +10,7 @@ use anyhow::Context;
 use cell::{Cell, TransportName, keys::KeyFolder};
 use dashboard::{ActionEndpoint, Pages, Settings};
 use host::bus::{BusConfig, ROUTER_ENDPOINT};
+use host::clock::CellClock;
 
 use crate::{
     GOOD,
@@ -76,14 +77,15 @@ pub(crate) struct Arguments {
     /// Exit when the parent process exits.
     #[arg(long, hide = true)]
     pub(crate) supervised: bool,
-    /// Clock of the cell: ns from the monotonic clock of the system to stamps.
+    /// Clock of the cell: ns from the monotonic clock of the system to stamps, or the file of a simulated clock.
     #[arg(long, hide = true, allow_hyphen_values = true)]
-    pub(crate) clock: Option<i64>,
+    pub(crate) clock: Option<CellClock>,
 }
 
 /// Arguments of the dashboard that `up` starts for the cell of this file.
 pub(crate) fn arguments(cell: &Path) -> Vec<OsString> {
-    let clock = host::clock::offset().to_string();
+    // It shows when what it hears came: a cell on simulated time is told when it acts.
+    let clock = CellClock::of_system().to_string();
     let words = [
         "dashboard",
         "--supervised",

@@ -69,7 +69,8 @@ fn awaited(cell: &Cell, recorded: bool) -> anyhow::Result<BTreeMap<String, usize
     let wiring = Wiring::of(&cell.nodes(false)?)?;
     let (names, topics) = (cell.node_names(), cell.topics()?);
     let mut awaited = if recorded {
-        host::recording::subscriptions_of_recorder(&topics, &names)
+        let recorded = host::recording::topic_names(&topics, &names).into_iter();
+        recorded.map(|name| (name, 1)).collect()
     } else {
         BTreeMap::new()
     };

@@ -5,6 +5,7 @@ use std::{
     path::{Component, Path, PathBuf},
     sync::{
         Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
         mpsc::{Receiver, RecvTimeoutError, Sender, channel},
     },
     time::{Duration, Instant},
@@ -13,11 +14,13 @@ use std::{
 use bags::{Sealer, SplitAt, Statistics};
 use cell::{Cell, keys::KeyFolder};
 use confinement::Confined;
-use graph::topics;
+use graph::{Stamp, topics};
 use host::{
     RecorderProcess, RecordingSettings,
     bus::{Bus, Publisher, Received, Server, Subscription},
     bus_qos,
+    recording::{OnTaken, topic_names},
+    sim_time::Member,
 };
 use probecell_msgs::{
     PartStatus, RecordingStatus, Service, builtin_interfaces::Time, from_cdr, is_unprintable, srv,
@@ -40,8 +43,8 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(10);
 /// s for which the cell takes itself for recorded when it hears nothing more: longer than a link is cut for, since a recorder
 /// behind it fetches what it has missed.
 const VALIDITY: f64 = 30.0;
-/// Between two messages that the cell is recorded.
-const STATUS_PERIOD: Duration = Duration::from_secs(1);
+/// s between two messages that the cell is recorded.
+const STATUS_PERIOD: f64 = 1.0;
 
 /// Between two looks at the disk.
 const LOOK: Duration = Duration::from_secs(60);
@@ -53,6 +56,8 @@ enum Request {
     End,
     Start(String, Sender<srv::StartRecordingResponse>),
     Stop(Sender<srv::StopRecordingResponse>),
+    /// The simulated clock has come to the next status, or messages were taken.
+    Wake,
 }
 
 /// The recorder of one cell and the recording under way, if there is one.
@@ -67,8 +72,14 @@ struct RecorderService<'a> {
     missing: u64,
     /// Tells the cell whether it is recorded.
     status: Publisher,
-    /// When that was published last.
-    status_sent: Instant,
+    /// When that was published last, and its number.
+    status_sent: (Stamp, u64),
+    on_taken: OnTaken,
+    /// By the simulated clock: this process there, and whether it has been told of messages since it last reported.
+    member: Option<Member>,
+    told: Arc<AtomicBool>,
+    /// Number of the topics and journals that are recorded.
+    topics: usize,
     making: Making,
     /// When the recording under way was begun.
     begun: Instant,
@@ -137,6 +148,18 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
     let topic = topics::RECORDING_STATUS;
     let status = bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))?;
     let making = Making::follow(&bus, &cell)?;
+    let told = Arc::new(AtomicBool::new(false));
+    let (wake, is_told) = (sender.clone(), Arc::clone(&told));
+    let on_taken: OnTaken = if host::clock::simulated().is_some() {
+        Arc::new(move || {
+            if !is_told.swap(true, Ordering::AcqRel) {
+                // The receiver is gone once the recorder has ended.
+                drop(wake.send(Request::Wake));
+            }
+        })
+    } else {
+        Arc::new(|| {})
+    };
     let mut service = RecorderService {
         bus: &bus,
         cell: &cell,
@@ -145,7 +168,11 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
         current: None,
         missing: 0,
         status,
-        status_sent: Instant::now(),
+        status_sent: (Stamp::default(), 0),
+        on_taken,
+        member: None,
+        told,
+        topics: 0,
         making,
         begun: Instant::now(),
         forecast: None,
@@ -154,6 +181,7 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
     };
     service.begin(folder)?;
     let servers = serve(&bus, &cell, &sender)?;
+    service.follow_clock(sender)?;
     service.serve_requests(&requests)?;
     drop(servers);
     let last = service.finish()?;
@@ -181,7 +209,7 @@ impl RecorderService<'_> {
         let mut settings = settings(self.cell, &self.key, folder.clone())?;
         let confined = ("confinement".to_owned(), self.confined.to_string());
         settings.provenance.1.extend([confined]);
-        let process = RecorderProcess::start(self.bus, settings)?;
+        let process = RecorderProcess::start(self.bus, settings, Arc::clone(&self.on_taken))?;
         self.current = Some((process, folder));
         self.begun = Instant::now();
         self.publish_status()
@@ -257,9 +285,33 @@ impl RecorderService<'_> {
             uri: folder.map_or(String::new(), |folder| folder.display().to_string()),
             validity: VALIDITY,
         };
-        self.status.publish(to_cdr(&status), instant.0)?;
-        self.status_sent = Instant::now();
+        let number = self.status.publish(to_cdr(&status), instant.0)?;
+        self.status_sent = (instant, number);
         Ok(())
+    }
+
+    /// Joins the simulated clock of the cell, where it has one.
+    fn follow_clock(&mut self, sender: Sender<Request>) -> anyhow::Result<()> {
+        let publishes = vec![topics::RECORDING_STATUS.name.to_owned()];
+        let takes = topic_names(&self.cell.topics()?, &self.cell.node_names());
+        self.topics = takes.len();
+        let on_wake = move || sender.send(Request::Wake).is_ok();
+        self.member = Member::join("recorder", publishes, takes, on_wake)?;
+        Ok(())
+    }
+
+    /// Reports to the simulated clock what was taken; without a recording nothing is waited for.
+    fn rest(&mut self) -> anyhow::Result<()> {
+        self.told.store(false, Ordering::Release);
+        let Some(member) = &mut self.member else {
+            return Ok(());
+        };
+        let (sent, number) = self.status_sent;
+        let taken = match &self.current {
+            Some((process, _)) => process.taken().collect(),
+            None => vec![u64::MAX; self.topics],
+        };
+        Ok(member.rest(Some(sent.after_s(STATUS_PERIOD)), [number], taken)?)
     }
 
     /// Closes the files of the recording under way; gives its folder and what was written.
@@ -275,7 +327,9 @@ impl RecorderService<'_> {
     /// Carries out requests until one ends the recorder, or the bag can no longer be written.
     fn serve_requests(&mut self, requests: &Receiver<Request>) -> anyhow::Result<()> {
         loop {
+            self.rest()?;
             match requests.recv_timeout(Duration::from_millis(200)) {
+                Ok(Request::Wake) => {}
                 Ok(Request::End) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
                 // Who has asked may have gone away since.
                 Ok(Request::Start(uri, answer)) => drop(answer.send(self.start(&uri))),
@@ -290,7 +344,7 @@ impl RecorderService<'_> {
                 return Err(failure.into());
             }
             self.watch_the_disk();
-            if self.status_sent.elapsed() >= STATUS_PERIOD {
+            if host::now().since_s(self.status_sent.0) >= STATUS_PERIOD {
                 self.publish_status()?;
             }
         }

@@ -31,6 +31,8 @@ use crate::{
     },
 };
 
+/// Of the clock of each cell.
+const SPEED: &str = "max";
 /// Requests for further touches after which a group of causes stays one.
 const ROUNDS: usize = 4;
 
@@ -42,7 +44,10 @@ pub(super) fn run(
     tell: &dyn Fn(String),
 ) -> anyhow::Result<Found> {
     let file = folder.join(machine.file);
-    let up = processes.start(&["up", machine.file, "--no-dashboard"], machine.name)?;
+    let up = processes.start(
+        &["up", machine.file, "--no-dashboard", "--speed", SPEED],
+        machine.name,
+    )?;
     up.line("is ready")?;
     let (report, recording) = first_part(&file, folder, tell)?;
     up.end()?;
@@ -50,7 +55,14 @@ pub(super) fn run(
     tell(words::adopted(&report));
     hall::scatter_anew(&file)?;
     let next = processes.start(
-        &["up", machine.file, "--once", "--no-dashboard"],
+        &[
+            "up",
+            machine.file,
+            "--once",
+            "--no-dashboard",
+            "--speed",
+            SPEED,
+        ],
         machine.name,
     )?;
     let recorded = next.line("recorded in ")?;

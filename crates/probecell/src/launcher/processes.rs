@@ -8,6 +8,7 @@ use std::{
 };
 
 use anyhow::Context;
+use host::clock::CellClock;
 
 use crate::{
     cell_bus::CellFailure,
@@ -136,7 +137,7 @@ impl Processes {
                 "--incarnation",
                 &incarnation.to_string(),
                 "--clock",
-                &host::clock::offset().to_string(),
+                &CellClock::of_this_process().to_string(),
                 "--cell",
             ])
             .arg(&self.file)
@@ -157,7 +158,7 @@ impl Processes {
                 "record",
                 "--supervised",
                 "--clock",
-                &host::clock::offset().to_string(),
+                &CellClock::of_this_process().to_string(),
                 "--cell",
             ])
             .process_group(0)

@@ -35,6 +35,7 @@ use host::{
     bus::{Bus, Graph, Publisher, Received, Server, Subscription, TypeId},
     bus_qos,
     private::{PrivateServices, SocketFile},
+    sim_time::SimulatedClock,
 };
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, GapReport, LossReport, MachineState, Message,
@@ -80,16 +81,17 @@ pub(crate) struct Operator {
 
 impl Operator {
     /// Joins the cell: subscribes to its topics and offers its services, also by the private socket. `verbose`: prints all that the
-    /// verdicts say.
+    /// verdicts say. `clock`: the simulated clock of the cell.
     pub(crate) fn join(
         bus: Bus,
         cell: &Cell,
         verbose: bool,
         private: Option<PrivateServices>,
+        clock: Option<Arc<SimulatedClock>>,
     ) -> anyhow::Result<Self> {
         let namespace = cell.namespace();
         let state = Arc::new(Mutex::new(OperatorState::new(cell, verbose)));
-        let requests = Arc::new(RequestPublishers::new(&bus, cell, &state)?);
+        let requests = Arc::new(RequestPublishers::new(&bus, cell, &state, clock)?);
         let mut operator = Self {
             diagnostics: Diagnostics::new(&bus, cell)?,
             keys: Keys::new(&bus, cell)?,

@@ -14,6 +14,7 @@ use host::{
     bus::{Bus, Publisher, Server},
     bus_qos,
     private::Answering,
+    sim_time::SimulatedClock,
 };
 use probecell_msgs::{
     InspectionPoint, OperatorReply, OperatorRequest, Service, ServiceType,
@@ -48,6 +49,7 @@ pub(super) struct RequestPublishers {
     stop: Publisher,
     approve: Publisher,
     state: Arc<Mutex<OperatorState>>,
+    clock: Option<Arc<SimulatedClock>>,
 }
 
 impl RequestPublishers {
@@ -56,6 +58,7 @@ impl RequestPublishers {
         bus: &Bus,
         cell: &Cell,
         state: &Arc<Mutex<OperatorState>>,
+        clock: Option<Arc<SimulatedClock>>,
     ) -> anyhow::Result<Self> {
         let publisher = |topic: Topic| {
             bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))
@@ -66,6 +69,7 @@ impl RequestPublishers {
             stop: publisher(topics::STOP_REQUESTS)?,
             approve: publisher(topics::APPROVALS)?,
             state: Arc::clone(state),
+            clock,
         })
     }
 
@@ -84,12 +88,16 @@ impl RequestPublishers {
         reply_topic: &'static str,
         request: OperatorRequest,
     ) -> Result<Asked, String> {
-        let publisher = match reply_topic {
-            name if name == topics::PLAN_REPLIES.name => &self.plan,
-            name if name == topics::RUN_REPLIES.name => &self.run,
-            name if name == topics::STOP_REPLIES.name => &self.stop,
-            _ => &self.approve,
+        let (topic, publisher) = match reply_topic {
+            name if name == topics::PLAN_REPLIES.name => (topics::PLAN_REQUESTS, &self.plan),
+            name if name == topics::RUN_REPLIES.name => (topics::RUN_REQUESTS, &self.run),
+            name if name == topics::STOP_REPLIES.name => (topics::STOP_REQUESTS, &self.stop),
+            _ => (topics::APPROVALS, &self.approve),
         };
+        // It does not age on its way.
+        if let Some(clock) = &self.clock {
+            clock.publishing(topic.name);
+        }
         let (sender, receiver) = channel();
         let request_id = {
             let mut state = lock(&self.state);
