@@ -73,7 +73,6 @@ pub fn table(report: &Report, lines: &[Line]) -> String {
         "{:<23} {:<56} {:>7} {:>10}",
         "cause", "mended by", "gap, µm", "left, µm"
     )];
-    let um = |size: f64| format!("{:.1}", size * 1e6);
     for line in lines {
         let [before, after] = line.gap.map(um);
         text.push(format!(
@@ -87,24 +86,31 @@ pub fn table(report: &Report, lines: &[Line]) -> String {
         };
         text.push(wrapped(&remark));
     }
-    let gap = um(report.gap.rms);
-    let stays = lines
-        .iter()
-        .filter(|line| line.refused.is_none() && !line.formats.is_empty());
-    let gone: f64 = stays
-        .map(|line| line.gap[0].powi(2) - line.gap[1].powi(2))
-        .sum();
-    let left = (report.gap.rms.powi(2) - gone).max(0.0).sqrt();
     text.push(format!(
-        "of a gap of {gap} µm, {} µm stay when all that can be written is; the noise is {} µm",
-        um(left),
+        "of a gap of {} µm, {} µm stay when all that can be written is; the noise is {} µm",
+        um(report.gap.rms),
+        um(remains(report, lines)),
         um(report.gap.noise_floor)
     ));
     text.join("\n")
 }
 
+/// Gap (m) that stays when all that can be written is.
+pub(crate) fn remains(report: &Report, lines: &[Line]) -> f64 {
+    let written = (lines.iter()).filter(|line| line.refused.is_none() && !line.formats.is_empty());
+    let gone: f64 = written
+        .map(|line| line.gap[0].powi(2) - line.gap[1].powi(2))
+        .sum();
+    (report.gap.rms.powi(2) - gone).max(0.0).sqrt()
+}
+
+/// A size in µm.
+pub(crate) fn um(size: f64) -> String {
+    format!("{:.1}", size * 1e6)
+}
+
 /// Words below a line, indented.
-fn wrapped(text: &str) -> String {
+pub(crate) fn wrapped(text: &str) -> String {
     let mut lines = vec![String::from("   ")];
     for word in text.split(' ') {
         let full = lines

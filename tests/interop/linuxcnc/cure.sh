@@ -114,6 +114,14 @@ rows = [[float(word) for word in line.split()] for line in open("z.comp") if not
 open("wrong.comp", "w").write("".join(f"{at:.6f} {2 * at - up:.6f} {2 * at - down:.6f}\n" for at, up, down in rows))
 P
 measure wrong wrong.ini 1
+explain wrong
+for axis in X Y Z; do
+    "$probecell" cure "before_$axis.json" --after "after_$axis.json"
+    status=0
+    "$probecell" cure "before_$axis.json" --after "wrong_$axis.json" >became.txt || status=$?
+    cat became.txt
+    [[ $status == 1 ]] && grep -q "opposite sign" became.txt
+done
 
 python3 - <<'P' || { echo "FAILED: the cure"; cat cured.ini z.comp; exit 1; }
 import csv, json, math

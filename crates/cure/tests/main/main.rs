@@ -1,6 +1,7 @@
 //! What is written, read back by readers that share nothing with the writer.
 //!
 //! ```text
+//!   after       what became of a cause: gone, left, doubled
 //!   certainty   what is not certain, or not the machine's, is refused by name
 //!   known       machines whose errors are known, drawn at random, and their reports
 //!   robot       robot descriptions, by the chain of the crate `machine`
@@ -9,6 +10,7 @@
 //!   linuxcnc    INI and compensation table, by the formulas of LinuxCNC's manual
 //! ```
 
+mod after;
 mod certainty;
 mod firmware;
 mod known;

@@ -23,32 +23,41 @@ const NEVER: i64 = i64::MAX;
 
 /// A clock in a folder of its own.
 fn begun(speed: Option<f64>, members: usize) -> (tempfile::TempDir, PathBuf, SimulatedClock) {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("cell.clock");
-    let clock = ClockPlace::make(&path).unwrap().start(speed, members);
-    (folder, path, clock.unwrap())
+    let clock = ClockPlace::make(&path)
+        .expect("a place")
+        .start(speed, members);
+    (folder, path, clock.expect("a clock"))
 }
 
 fn read(path: &Path) -> i64 {
-    i64::from_le_bytes(fs::read(path).unwrap().try_into().unwrap())
+    i64::from_le_bytes(
+        fs::read(path)
+            .expect("eight bytes")
+            .try_into()
+            .expect("eight bytes"),
+    )
 }
 
 fn joined(path: &Path, name: &str, publishes: &[&str], takes: &[&str]) -> UnixStream {
-    let mut stream = UnixStream::connect(path.with_extension("ticks")).unwrap();
+    let mut stream = UnixStream::connect(path.with_extension("ticks")).expect("a socket");
     let line = serde_json::json!({ "name": name, "publishes": publishes, "takes": takes });
-    stream.write_all(format!("{line}\n").as_bytes()).unwrap();
+    stream
+        .write_all(format!("{line}\n").as_bytes())
+        .expect("a line");
     stream
 }
 
 fn rest(mut stream: &UnixStream, wake: i64, numbers: &[u64]) {
     let numbers = numbers.iter().flat_map(|number| number.to_le_bytes());
     let report: Vec<u8> = wake.to_le_bytes().into_iter().chain(numbers).collect();
-    stream.write_all(&report).unwrap();
+    stream.write_all(&report).expect("a report");
 }
 
 fn tick(mut stream: &UnixStream) -> i64 {
     let mut instant = [0; 8];
-    stream.read_exact(&mut instant).unwrap();
+    stream.read_exact(&mut instant).expect("a tick");
     i64::from_le_bytes(instant)
 }
 
@@ -78,7 +87,7 @@ fn act(
         &[&format!("of {own}")],
         &takes,
     );
-    let reader = stream.try_clone().unwrap();
+    let reader = stream.try_clone().expect("a stream");
     thread::spawn(move || {
         let mut instant = [0; 8];
         while (&reader).read_exact(&mut instant).is_ok()
@@ -93,7 +102,10 @@ fn act(
             .chain(taken.values().copied())
             .collect();
         rest(&stream, wake, &numbers);
-        let publishes = match events.recv_timeout(Duration::from_secs(60)).unwrap() {
+        let publishes = match events
+            .recv_timeout(Duration::from_secs(60))
+            .expect("an event")
+        {
             Event::Tick(instant) => {
                 // Twice where it crossed a report.
                 let due = instant >= wake;
@@ -114,7 +126,9 @@ fn act(
                 for _ in 0..random.random_range(0..3) {
                     thread::yield_now();
                 }
-                other.send(Event::Message(own, published, now)).unwrap();
+                other
+                    .send(Event::Message(own, published, now))
+                    .expect("a member");
             }
         }
         if wake <= read(path) {

@@ -10,7 +10,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use cure::{FORMATS, File, Format, Request};
 
 use super::gap_report;
-use crate::{GOOD, output};
+use crate::{FAILED, GOOD, output};
 
 /// What the user asks for.
 #[derive(clap::Args)]
@@ -23,6 +23,10 @@ pub(crate) struct Arguments {
     /// File to write; must not exist. Without it, or with `-`, standard output.
     #[arg(long, value_name = "FILE", requires = "format")]
     out: Option<PathBuf>,
+    /// Report or recording of the machine after it has loaded what was written from SOURCE: what became of each cause; exit status
+    /// 1 unless all are gone.
+    #[arg(long, value_name = "SOURCE", conflicts_with = "format")]
+    after: Option<PathBuf>,
     /// Of effects that the session could not distinguish, take this one; may be repeated.
     #[arg(long = "member", value_name = "NAME")]
     members: Vec<String>,
@@ -60,6 +64,12 @@ fn formats() -> PossibleValuesParser {
 /// Lists, or writes.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let (report, text, recorded) = gap_report::of(&arguments.source)?;
+    if let Some(after) = &arguments.after {
+        let (after, _, _) = gap_report::of(after)?;
+        let (text, all_gone) = cure::after_table(&report, &arguments.members, &after)?;
+        output::line(&text);
+        return Ok(if all_gone { GOOD } else { FAILED });
+    }
     let digest = cure::digest(text.as_bytes());
     let Some(format) = &arguments.format else {
         let lines = cure::lines(&report, &arguments.members)?;

@@ -329,12 +329,11 @@ impl RecorderService<'_> {
         loop {
             self.rest()?;
             match requests.recv_timeout(Duration::from_millis(200)) {
-                Ok(Request::Wake) => {}
                 Ok(Request::End) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
                 // Who has asked may have gone away since.
                 Ok(Request::Start(uri, answer)) => drop(answer.send(self.start(&uri))),
                 Ok(Request::Stop(answer)) => drop(answer.send(self.stop())),
-                Err(RecvTimeoutError::Timeout) => {}
+                Ok(Request::Wake) | Err(RecvTimeoutError::Timeout) => {}
             }
             if let Some(failure) = self
                 .current
