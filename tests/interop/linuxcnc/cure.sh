@@ -116,9 +116,11 @@ P
 measure wrong wrong.ini 1
 explain wrong
 for axis in X Y Z; do
-    "$probecell" cure "before_$axis.json" --after "after_$axis.json"
+    chosen=()
+    [[ $axis != X ]] || chosen=(--member axis.X.scale)
+    "$probecell" cure "before_$axis.json" "${chosen[@]}" --after "after_$axis.json"
     status=0
-    "$probecell" cure "before_$axis.json" --after "wrong_$axis.json" >became.txt || status=$?
+    "$probecell" cure "before_$axis.json" "${chosen[@]}" --after "wrong_$axis.json" >became.txt || status=$?
     cat became.txt
     [[ $status == 1 ]] && grep -q "opposite sign" became.txt
 done
