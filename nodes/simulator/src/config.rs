@@ -229,6 +229,21 @@ impl RawConfig {
                 )));
             }
         }
+        if let Some(warming) = self.machine.warming {
+            let far = |value: &&f64| !((**value * 1e-6).abs() <= LARGEST_CLAMPING);
+            if let Some(value) = warming.shift_um.iter().find(far) {
+                return Err(ConfigError::Number(format!(
+                    "machine.warming.shift_um = {value} must lie within ±{} µm",
+                    LARGEST_CLAMPING * 1e6
+                )));
+            }
+            let value = warming.time_constant_s;
+            if !(value.is_finite() && value > 0.0) {
+                return Err(ConfigError::Number(format!(
+                    "machine.warming.time_constant_s = {value} must be above 0"
+                )));
+            }
+        }
         if !(0.0..1.0).contains(&self.plant.spring_back) {
             let value = self.plant.spring_back;
             return Err(ConfigError::Number(format!(

@@ -173,11 +173,11 @@ fn touch(
         Some(Injected::DeadProbe) => None,
         Some(Injected::StuckProbe) => Some(0.0),
         _ => surface.and_then(|surface| {
-            let shift = config
-                .raw
-                .machine
-                .slip
-                .map_or_else(Vector3::zeros, |slip| slip.shift(state.touches));
+            let machine = &config.raw.machine;
+            let slipped = machine.slip.map(|slip| slip.shift(state.touches));
+            let seconds = builder.at.since_s(state.begun);
+            let warmed = machine.warming.map(|warming| warming.shift(seconds));
+            let shift = slipped.into_iter().chain(warmed).sum();
             let meeting = Meeting {
                 config,
                 part,
@@ -231,7 +231,7 @@ struct Meeting<'a> {
     surface: &'a Surface,
     /// m; the probe triggers that much early.
     noise: f64,
-    /// m, part frame; slip of the part.
+    /// m, part frame; displacement of the part.
     shift: Vector3<f64>,
     /// m; work offsets in force.
     work_offsets: &'a [f64],

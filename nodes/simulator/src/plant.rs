@@ -44,7 +44,9 @@ pub(crate) fn cut(config: &Config, state: &mut State, operation: &str) {
         .tools
         .iter()
         .find(|tool| tool.number == operation.tool_number);
-    let tool_error = tool.map_or(0.0, |tool| tool.error_um * 1e-6);
+    let cuts = state.cuts.entry(operation.tool_number).or_default();
+    let tool_error = tool.map_or(0.0, |tool| tool.error(*cuts));
+    *cuts += 1;
     let wear = state
         .wear
         .get(&operation.tool_number)

@@ -115,8 +115,32 @@ pub struct RawTool {
     /// Wear offset at the start (on the size).
     #[serde(default)]
     pub wear_um: f64,
+    /// What each of its cuts adds to its error.
+    #[serde(default)]
+    pub wear_per_cut_um: f64,
+    /// Its edge breaks.
+    pub breakage: Option<RawBreakage>,
     /// Its run-out.
     pub runout: Option<RawRunout>,
+}
+
+/// An edge that breaks.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawBreakage {
+    /// Cuts of the tool before it.
+    pub after_cuts: u32,
+    /// What it adds to the error of the tool.
+    pub error_um: f64,
+}
+
+impl RawTool {
+    /// Error of a size that it cuts after so many cuts, m.
+    pub(crate) fn error(&self, cuts: u32) -> f64 {
+        let broken = self.breakage.filter(|breakage| cuts >= breakage.after_cuts);
+        let broken = broken.map_or(0.0, |breakage| breakage.error_um);
+        (self.error_um + self.wear_per_cut_um * f64::from(cuts) + broken) * 1e-6
+    }
 }
 
 /// A feature whose true surface is given point by point.

@@ -18,10 +18,16 @@ use crate::config::Config;
 pub struct State {
     /// Name of this run, from the instant of its start.
     pub session: String,
+    /// That instant.
+    #[serde(default)]
+    pub begun: Stamp,
     /// Source of all randomness.
     pub random: Pcg32,
     /// Wear offset of each tool on the size, m.
     pub wear: BTreeMap<u32, f64>,
+    /// Cuts that each tool has made.
+    #[serde(default)]
+    pub cuts: BTreeMap<u32, u32>,
     /// True sizes, m.
     pub sizes: BTreeMap<String, f64>,
     /// Sizes whose last cut was turning, and whether it was a finishing cut.
@@ -76,12 +82,14 @@ impl State {
         let raw = &config.raw;
         Self {
             session: String::new(),
+            begun: Stamp::default(),
             random: Pcg32::seed_from_u64(raw.seed),
             wear: raw
                 .tools
                 .iter()
                 .map(|tool| (tool.number, tool.wear_um * 1e-6))
                 .collect(),
+            cuts: BTreeMap::new(),
             sizes: raw
                 .sizes
                 .iter()

@@ -24,6 +24,7 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
         Input::Timer(id) => {
             if id == START {
                 state.session = format!("simulator-{}", now.0);
+                state.begun = now;
             }
             run(config, state, now, out);
             stand(state, now, out);

@@ -27,6 +27,8 @@ pub struct RawMachine {
     pub volumetric: bool,
     /// The part slips after some touches.
     pub slip: Option<RawSlip>,
+    /// The machine warms up.
+    pub warming: Option<RawWarming>,
     /// Error of the clamping, present from the start.
     pub clamping: RawClamping,
     /// Joints that yield under weight or have lost motion.
@@ -84,6 +86,24 @@ pub struct RawSlip {
     pub after_touches: u32,
     /// How far, in the part frame.
     pub shift_um: [f64; 3],
+}
+
+/// A machine that warms up: the part moves towards a displacement from the probe.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawWarming {
+    /// How far, in the part frame.
+    pub shift_um: [f64; 3],
+    /// After which all but 1/e of it is reached.
+    pub time_constant_s: f64,
+}
+
+impl RawWarming {
+    /// Displacement (m) so many seconds after the start.
+    pub(crate) fn shift(&self, seconds: f64) -> Vector3<f64> {
+        let reached = -(-seconds / self.time_constant_s).exp_m1();
+        Vector3::from(self.shift_um) * 1e-6 * reached
+    }
 }
 
 /// One checked error.
@@ -293,6 +313,24 @@ impl RawSlip {
             Vector3::from(self.shift_um) * 1e-6
         } else {
             Vector3::zeros()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_machine_warms_up_to_its_displacement() {
+        let warming = RawWarming {
+            shift_um: [10.0, 0.0, -20.0],
+            time_constant_s: 600.0,
+        };
+        for (seconds, share) in [(0.0, 0.0), (600.0, 0.632_121), (1800.0, 0.950_213)] {
+            let shift = warming.shift(seconds) * 1e6;
+            let expected = Vector3::new(10.0, 0.0, -20.0) * share;
+            assert!((shift - expected).norm() < 1e-4, "{seconds} s: {shift}");
         }
     }
 }

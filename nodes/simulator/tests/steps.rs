@@ -159,6 +159,22 @@ fn a_cut_leaves_what_the_tool_leaves_and_what_springs_back() {
 }
 
 #[test]
+fn a_tool_wears_with_each_cut_until_its_edge_breaks() {
+    let mut config = config(5.0, 0.0);
+    let tool = &mut config.raw.tools[0];
+    tool.wear_per_cut_um = 0.5;
+    tool.breakage = toml::from_str("after_cuts = 2\nerror_um = 60.0").unwrap();
+    let mut machine = Machine::new(config);
+    let mut left = Vec::new();
+    for number in 0..4 {
+        machine.state.sizes.insert("D".to_owned(), 21e-3);
+        cut(&mut machine, 1.0 + 3.0 * f64::from(number));
+        left.push(((machine.size() - 20e-3) * 1e9).round() as i64);
+    }
+    assert_eq!(left, [5_000, 5_500, 66_000, 66_500]);
+}
+
+#[test]
 fn a_wear_offset_shifts_the_next_cut_and_not_the_last_one() {
     let mut machine = Machine::new(config(20.0, 0.0));
     cut(&mut machine, 1.0);
