@@ -44,7 +44,7 @@ pub struct BusSection {
     /// Begins the name of every frame on `/tf` and `/tf_static`, which all robots of a domain share; without it the name of the
     /// cell and a slash. Empty where the cell is the only robot of its domain.
     pub frame_prefix: Option<String>,
-    /// Other names of `/tf`, `/tf_static` and `/diagnostics`, which the cell shares with whatever else is on the bus.
+    /// Other names of `/tf`, `/tf_static`, `/diagnostics` and `/clock`, which the cell shares with whatever else is on the bus.
     pub names: BTreeMap<String, String>,
     /// A DDS cell starts although its sockets, which listen on all addresses, can be reached from other machines.
     pub dds_on_all_addresses: bool,

@@ -31,14 +31,13 @@ use std::{
 };
 
 use graph::Stamp;
-use probecell_msgs::{Message as _, rosgraph_msgs::Clock, to_cdr};
+use probecell_msgs::{rosgraph_msgs::Clock, to_cdr};
 use serde::{Deserialize, Serialize};
 use tracing::{debug, warn};
 
 use crate::{
-    bus::{Bus, Qos},
+    bus::Publisher,
     clock::{self, CellClock},
-    process::ProcessError,
 };
 
 /// How long the clock waits for a process, or for a message that is under way, before it goes on at the rate of the real one.
@@ -237,13 +236,12 @@ impl ClockPlace {
 }
 
 impl SimulatedClock {
-    /// Publishes the clock, as viewers and nodes of ROS 2 with `use_sim_time` follow it (`/clock`), a hundred times a second of real
-    /// time, until this value ends.
+    /// Publishes the clock (`rosgraph_msgs/Clock`), as viewers and nodes of ROS 2 with `use_sim_time` follow it, a hundred times a
+    /// second of real time, until this value ends.
     ///
     /// # Errors
-    /// What the bus or the system says.
-    pub fn publish(&self, bus: &Bus, topic: &str) -> Result<(), ProcessError> {
-        let publisher = bus.publisher(topic, Clock::TYPE, Qos::best_effort(1))?;
+    /// What the system says of a thread.
+    pub fn publish(&self, publisher: Publisher) -> io::Result<()> {
         let shared = Arc::clone(&self.shared);
         let publish = move || {
             let mut last = 0;

@@ -20,11 +20,12 @@ use bags::Measurement;
 use cell::{CLOCK, Cell, Strangers, TransportName, keys::KeyFolder};
 use controllers::driver::Role;
 use host::{
-    bus::Bus,
+    bus::{Bus, Qos},
     clock::{CellClock, WallClock},
     private::PrivateServices,
     sim_time::ClockPlace,
 };
+use probecell_msgs::{Message as _, rosgraph_msgs::Clock};
 
 use self::processes::{END_TIMEOUT, PERIOD, Processes};
 use crate::{
@@ -156,7 +157,7 @@ pub(crate) fn up(file: &Path, wanted: Wanted) -> anyhow::Result<u8> {
         processes.start(name)?;
     }
     if let Some(clock) = &clock {
-        clock.publish(&bus, cell.shared(CLOCK))?;
+        clock.publish(bus.publisher(cell.shared(CLOCK), Clock::TYPE, Qos::best_effort(1))?)?;
     }
     let mut operator = Operator::join(bus, &cell, verbose, private, clock.clone())?;
     if !recorded {
