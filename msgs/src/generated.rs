@@ -1469,6 +1469,162 @@ crate::schema::message! {
     ["signature", 147, 0, 0, "", ""]
 }
 
+/// An order of a cell: parts of one name, made one after the other.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Order {
+    /// from 1; a cell gives no number twice
+    pub order_id: u64,
+    /// name of its parts
+    pub part_id: String,
+    /// parts ordered
+    pub count: u32,
+    /// parts of them begun so far
+    pub begun: u32,
+    /// one of the constants above
+    pub state: u8,
+    /// run of the part begun last; empty: none, or it did not begin
+    pub run_id: String,
+    /// who placed it
+    pub operator_name: String,
+}
+
+impl Order {
+    /// its next part waits for its turn
+    pub const WAITING: u8 = 0;
+    /// a part of it is being made
+    pub const UNDERWAY: u8 = 1;
+    /// its last part was stopped or lost: an operator resumes or cancels it
+    pub const INTERRUPTED: u8 = 2;
+}
+
+crate::code::codes! {
+    /// Values of `Order.state`.
+    pub enum OrderState of "Order.state" {
+        /// its next part waits for its turn
+        Waiting = 0,
+        /// a part of it is being made
+        Underway = 1,
+        /// its last part was stopped or lost: an operator resumes or cancels it
+        Interrupted = 2,
+    }
+}
+
+crate::schema::message! {
+    Order: "probecell_msgs", "msg", "Order",
+    "RIHS01_d293363df6cf4b130dad1254d109fa9e7fbad2302829c3f0a0b8cc19705241eb",
+    include_str!("../msg/Order.msg"),
+    ["order_id", 9, 0, 0, "", ""]
+    ["part_id", 17, 0, 0, "", ""]
+    ["count", 7, 0, 0, "", ""]
+    ["begun", 7, 0, 0, "", ""]
+    ["state", 3, 0, 0, "", ""]
+    ["run_id", 17, 0, 0, "", ""]
+    ["operator_name", 17, 0, 0, "", ""]
+}
+
+/// A change of the orders of a cell, as it entered the graph from the service manage_orders, so that a replay can repeat it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OrderRequest {
+    pub header: crate::std_msgs::Header,
+    /// from 0 in a session
+    pub request_id: u64,
+    /// one of the constants above
+    pub kind: u8,
+    /// ADD: its number, which the launcher gives; RESUME: 0 for no order
+    pub order_id: u64,
+    /// ADD: name of its parts
+    pub part_id: String,
+    /// ADD: parts ordered, from 1
+    pub count: u32,
+    /// MOVE: place in the list, from 1
+    pub position: u32,
+    /// who asks; may be empty
+    pub operator_name: String,
+    /// refused after this instant by the clock of the cell
+    pub expires: crate::builtin_interfaces::Time,
+}
+
+impl OrderRequest {
+    pub const ADD: u8 = 1;
+    /// of a part that is being made: no further one of its order follows
+    pub const CANCEL: u8 = 2;
+    pub const MOVE: u8 = 3;
+    /// releases the orders; with an order_id, the part with which that order was interrupted is made again
+    pub const RESUME: u8 = 4;
+    /// no further part is begun
+    pub const HOLD: u8 = 5;
+}
+
+crate::code::codes! {
+    /// Values of `OrderRequest.kind`.
+    pub enum OrderRequestKind of "OrderRequest.kind" {
+        /// `ADD`.
+        Add = 1,
+        /// of a part that is being made: no further one of its order follows
+        Cancel = 2,
+        /// `MOVE`.
+        Move = 3,
+        /// releases the orders; with an order_id, the part with which that order was interrupted is made again
+        Resume = 4,
+        /// no further part is begun
+        Hold = 5,
+    }
+}
+
+crate::schema::message! {
+    OrderRequest: "probecell_msgs", "msg", "OrderRequest",
+    "RIHS01_b49955b5ecdff7ce971dd7be88373d83b6b2c3bfc004717b201fc848e577db77",
+    concat!(
+        include_str!("../msg/OrderRequest.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["request_id", 9, 0, 0, "", ""]
+    ["kind", 3, 0, 0, "", ""]
+    ["order_id", 9, 0, 0, "", ""]
+    ["part_id", 17, 0, 0, "", ""]
+    ["count", 7, 0, 0, "", ""]
+    ["position", 7, 0, 0, "", ""]
+    ["operator_name", 17, 0, 0, "", ""]
+    ["expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+}
+
+/// The orders of a cell that are not done, in the order in which they are made. On orders as cycle has them, at every change;
+/// on kept_orders as the launcher has written them to disk: no order begins before.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Orders {
+    pub header: crate::std_msgs::Header,
+    /// of two states of the orders the later has the larger number
+    pub revision: u64,
+    /// largest order_id given so far
+    pub last_id: u64,
+    pub orders: Vec<Order>,
+    /// why no further part is begun until an operator releases the orders; empty: they are made
+    pub held: String,
+}
+
+crate::schema::message! {
+    Orders: "probecell_msgs", "msg", "Orders",
+    "RIHS01_aac3942e28a48f072829bd4fd896604081d5ded88dd56a606737eb4888b92ba4",
+    concat!(
+        include_str!("../msg/Orders.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+        "================================================================================\nMSG: probecell_msgs/Order\n",
+        include_str!("../msg/Order.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["revision", 9, 0, 0, "", ""]
+    ["last_id", 9, 0, 0, "", ""]
+    ["orders", 145, 0, 0, "probecell_msgs/msg/Order", ""]
+    ["held", 17, 0, 0, "", ""]
+}
+
 /// Displacement of the part from its planned position, by its datums or by a best fit. Published on part_alignment:
 /// reliable, transient local, depth 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -2325,6 +2481,77 @@ pub mod srv {
         "bool accepted\nstring text\n",
         ["accepted", 15, 0, 0, "", ""]
         ["text", 17, 0, 0, "", ""]
+    }
+
+    /// List or change the orders of the cell.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct ManageOrders;
+
+    crate::schema::service! {
+        ManageOrders(ManageOrdersRequest) -> ManageOrdersResponse: "probecell_msgs", "srv", "ManageOrders",
+        "RIHS01_75f902a2f7c41580850c79a8bd90d92bed323b0e2fcfbabdebc3c630bc36608e"
+    }
+
+    /// Asks [`ManageOrders`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ManageOrdersRequest {
+        /// OrderRequest kind; 0: list them, change nothing
+        pub kind: u8,
+        /// CANCEL, MOVE, RESUME: the order; RESUME: 0 for no order
+        pub order_id: u64,
+        /// ADD: name of its parts
+        pub part_id: String,
+        /// ADD: parts ordered, from 1
+        pub count: u32,
+        /// MOVE: place in the list, from 1
+        pub position: u32,
+        /// who asks; may be empty
+        pub operator_name: String,
+    }
+
+    crate::schema::message! {
+        ManageOrdersRequest: "probecell_msgs", "srv", "ManageOrders_Request",
+        "RIHS01_1c837ae56bf9827f046c13d8a4fae182ff304ddc941c4d1a78f7f309b1b12e54",
+        "# List or change the orders of the cell.\nuint8 kind                   # OrderRequest kind; 0: list them, change nothing\nuint64 order_id              # CANCEL, MOVE, RESUME: the order; RESUME: 0 for no order\nstring part_id               # ADD: name of its parts\nuint32 count                 # ADD: parts ordered, from 1\nuint32 position              # MOVE: place in the list, from 1\nstring operator_name         # who asks; may be empty\n",
+        ["kind", 3, 0, 0, "", ""]
+        ["order_id", 9, 0, 0, "", ""]
+        ["part_id", 17, 0, 0, "", ""]
+        ["count", 7, 0, 0, "", ""]
+        ["position", 7, 0, 0, "", ""]
+        ["operator_name", 17, 0, 0, "", ""]
+    }
+
+    /// Answers [`ManageOrders`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ManageOrdersResponse {
+        /// the orders are changed, on disk too
+        pub accepted: bool,
+        /// reason for a refusal
+        pub text: String,
+        /// ADD: the number of the order
+        pub order_id: u64,
+        /// the orders after the change
+        pub orders: crate::Orders,
+    }
+
+    crate::schema::message! {
+        ManageOrdersResponse: "probecell_msgs", "srv", "ManageOrders_Response",
+        "RIHS01_83c651c7a798406540d7e9f8ff3385395c2e5330fa5d2864b471af7898e5e34d",
+        concat!(
+            "bool accepted                # the orders are changed, on disk too\nstring text                  # reason for a refusal\nuint64 order_id              # ADD: the number of the order\nprobecell_msgs/Orders orders # the orders after the change\n",
+            "================================================================================\nMSG: probecell_msgs/Orders\n",
+            include_str!("../msg/Orders.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: probecell_msgs/Order\n",
+            include_str!("../msg/Order.msg")
+        ),
+        ["accepted", 15, 0, 0, "", ""]
+        ["text", 17, 0, 0, "", ""]
+        ["order_id", 9, 0, 0, "", ""]
+        ["orders", 1, 0, 0, "probecell_msgs/msg/Orders", ""]
     }
 
     /// Plan the measuring order of the cell's part, of additional touches of the part in the machine, or of the rest of a plan.
@@ -4862,6 +5089,9 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
 <crate::OperatorKeys as crate::schema::Message>::TYPE,
 <crate::OperatorReply as crate::schema::Message>::TYPE,
 <crate::OperatorRequest as crate::schema::Message>::TYPE,
+<crate::Order as crate::schema::Message>::TYPE,
+<crate::OrderRequest as crate::schema::Message>::TYPE,
+<crate::Orders as crate::schema::Message>::TYPE,
 <crate::PartAlignment as crate::schema::Message>::TYPE,
 <crate::PartReport as crate::schema::Message>::TYPE,
 <crate::PartStatus as crate::schema::Message>::TYPE,
@@ -4879,6 +5109,8 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
 <crate::Verdict as crate::schema::Message>::TYPE,
 <crate::srv::ApproveCorrectionRequest as crate::schema::Message>::TYPE,
 <crate::srv::ApproveCorrectionResponse as crate::schema::Message>::TYPE,
+<crate::srv::ManageOrdersRequest as crate::schema::Message>::TYPE,
+<crate::srv::ManageOrdersResponse as crate::schema::Message>::TYPE,
 <crate::srv::PlanRequest as crate::schema::Message>::TYPE,
 <crate::srv::PlanResponse as crate::schema::Message>::TYPE,
 <crate::srv::RunRequest as crate::schema::Message>::TYPE,
@@ -4945,6 +5177,7 @@ pub(crate) static SERVICES: &[&ServiceType] = &[
     <crate::action::RunPartGetResult as crate::schema::Service>::TYPE,
     <crate::action::RunPartSendGoal as crate::schema::Service>::TYPE,
     <crate::srv::ApproveCorrection as crate::schema::Service>::TYPE,
+    <crate::srv::ManageOrders as crate::schema::Service>::TYPE,
     <crate::srv::Plan as crate::schema::Service>::TYPE,
     <crate::srv::Run as crate::schema::Service>::TYPE,
     <crate::srv::StartRecording as crate::schema::Service>::TYPE,

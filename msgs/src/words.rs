@@ -1,6 +1,6 @@
 //! What codes of messages are called where a person reads, in one place.
 
-use crate::{FeatureResult, PartReport, PartStatus, Verdict};
+use crate::{FeatureResult, Order, PartReport, PartStatus, Verdict};
 
 impl Verdict {
     /// What the code of a verdict ([`Verdict::verdict`]) means.
@@ -67,6 +67,18 @@ impl PartStatus {
             Self::CORRECTING => "correcting",
             Self::STOPPING => "stopping",
             _ => "no part",
+        }
+    }
+}
+
+impl Order {
+    /// What an order is at ([`Order::state`]).
+    pub fn word(state: u8) -> &'static str {
+        match state {
+            Self::WAITING => "waits",
+            Self::UNDERWAY => "under way",
+            Self::INTERRUPTED => "interrupted",
+            _ => "unknown state",
         }
     }
 }

@@ -9,10 +9,11 @@ use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
     Fault, FeatureResult, GapFinding, GapReport, GateHeartbeat, InspectionPlan, LossReport,
     MachineState, MeasurementOrder, Message, MessageType, OperationReport, OperationRequest,
-    OperatorKeys, OperatorReply, OperatorRequest, PartAlignment, PartReport, PartStatus,
-    PassDecision, PlanProgress, ProbeEvent, ProbeTrigger, RecordingStatus, ReferenceMeasurement,
-    StepJournal, ToolOffsets, TouchDeviation, Verdict, diagnostic_msgs::DiagnosticArray,
-    sensor_msgs::JointState, std_msgs, tf2_msgs::TFMessage, visualization_msgs::MarkerArray,
+    OperatorKeys, OperatorReply, OperatorRequest, OrderRequest, Orders, PartAlignment, PartReport,
+    PartStatus, PassDecision, PlanProgress, ProbeEvent, ProbeTrigger, RecordingStatus,
+    ReferenceMeasurement, StepJournal, ToolOffsets, TouchDeviation, Verdict,
+    diagnostic_msgs::DiagnosticArray, sensor_msgs::JointState, std_msgs, tf2_msgs::TFMessage,
+    visualization_msgs::MarkerArray,
 };
 
 /// Quality of service of a topic, in ROS 2 terms.
@@ -98,6 +99,8 @@ declare_topics! {
     LAUNCHER_FAULTS = "operator", "launcher/faults", Fault, Qos::KEEP_ALL;
     STOP_REQUESTS = "operator", "stop_requests", OperatorRequest, Qos::KEEP_ALL;
     APPROVALS = "operator", "approvals", OperatorRequest, Qos::KEEP_ALL;
+    ORDER_REQUESTS = "operator", "order_requests", OrderRequest, Qos::KEEP_ALL;
+    KEPT_ORDERS = "operator", "kept_orders", Orders, Qos::latched(1);
     OPERATOR_KEYS = "operator", "operator_keys", OperatorKeys, Qos::latched(1);
 
     ROBOT_DESCRIPTION = "machine_state", "robot_description", std_msgs::String, Qos::latched(1);
@@ -138,6 +141,8 @@ declare_topics! {
     PART_STATUS = "cycle", "part_status", PartStatus, Qos::latched(1);
     PART_REPORTS = "cycle", "part_reports", PartReport, Qos::latched(1);
     RUN_REPLIES = "cycle", "run_replies", OperatorReply, Qos::KEEP_ALL;
+    ORDERS = "cycle", "orders", Orders, Qos::latched(1);
+    ORDER_REPLIES = "cycle", "order_replies", OperatorReply, Qos::KEEP_ALL;
 
     GAP_REPORT = "gap", "gap_report", GapReport, Qos::latched(1);
     GAP_FINDINGS = "gap", "gap_findings", GapFinding, Qos::latched(64);

@@ -24,6 +24,7 @@ pub(crate) fn end(state: &mut State, now: Stamp, verdict: u8, text: &str, out: &
             plan_id,
             run_id: run.run_id.clone(),
         }));
+        state.book.ended(&run, verdict, text);
         // A decision that asked for corrections is carried out or void.
         let void = run.stopping.as_ref().is_some_and(|stopping| stopping.void);
         state.last = (run.stage.plan_id().is_some() && !void).then_some(run);

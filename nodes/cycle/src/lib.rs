@@ -12,6 +12,7 @@
 //! |---|---|
 //! | `run_requests`, `stop_requests`, `supervised_part` | `run_replies`, `part_reports`, `part_status` |
 //! | `operation_reports`, `pass_decisions`, `correction_acknowledgements` | `operation_requests` |
+//! | `order_requests`, `kept_orders` | `orders`, `order_replies` |
 //! | `machine_state/faults`, `probe_events/faults`, `path_planning/faults`, `analysis/faults`, `launcher/faults` | |
 //!
 //! It is the part program O0399 of the turn-mill system (`docs/source_systems.md`, A.4): rough, measure, decide; finish,
@@ -20,7 +21,7 @@
 //! stage has a deadline, and a part that an earlier process has left behind is reported as STOPPED. A run that names a plan only measures it: nothing is cut, no decision is awaited, and
 //! it ends as MEASURED. A run that names the plan with whose measurement the last part ended resumes that part: the rest
 //! of the plan is measured and decided on together with the earlier touches. Nothing can be resumed after a cut or a
-//! correction.
+//! correction. Parts that operators have ordered are made one after the other (`orders.rs`).
 //!
 //! A part of one pass is requested, and the machine is asked to cut it:
 //!
@@ -57,6 +58,8 @@
 
 mod config;
 mod ending;
+mod orders;
+mod part_name;
 mod ports;
 mod requests;
 mod run;
@@ -65,7 +68,7 @@ mod step;
 
 pub use config::{Config, ConfigError, Pass, RawConfig};
 pub use ports::{Input, Output};
-pub use state::{Run, Stage, State};
+pub use state::{OrderBook, Run, Stage, State};
 
 graph::node! {
     /// The node.

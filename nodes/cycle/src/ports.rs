@@ -3,7 +3,7 @@
 use graph::topics;
 use probecell_msgs::{
     CorrectionAcknowledgement, Fault, OperationReport, OperationRequest, OperatorReply,
-    OperatorRequest, PartReport, PartStatus, PassDecision,
+    OperatorRequest, OrderRequest, Orders, PartReport, PartStatus, PassDecision,
 };
 
 graph::ports! {
@@ -31,6 +31,10 @@ graph::ports! {
         AnalysisFault(Fault) = topics::ANALYSIS_FAULTS,
         /// Faults of processes, reported by the launcher.
         LauncherFault(Fault) = topics::LAUNCHER_FAULTS,
+        /// An operator changes the orders.
+        OrderRequest(OrderRequest) = topics::ORDER_REQUESTS,
+        /// The orders that are on disk.
+        KeptOrders(Orders) = topics::KEPT_ORDERS,
     }
     outputs {
         /// What the machine is to do next.
@@ -41,5 +45,9 @@ graph::ports! {
         Part(PartReport) = topics::PART_REPORTS,
         /// The reply to an operator.
         Reply(OperatorReply) = topics::RUN_REPLIES,
+        /// The orders.
+        Orders(Orders) = topics::ORDERS,
+        /// The reply to an operator who changes them.
+        OrderReply(OperatorReply) = topics::ORDER_REPLIES,
     }
 }

@@ -51,8 +51,9 @@ pub(crate) fn request(
     request_id
 }
 
-/// Tells the machine to stop; the part ends when it has confirmed that, or has not in time.
+/// Holds the orders and tells the machine to stop; the part ends when it has confirmed that, or has not in time.
 pub(crate) fn stop(state: &mut State, now: Stamp, text: &str, out: &mut Out) {
+    state.book.hold(text);
     let Some(mut run) = state.run.take() else {
         return;
     };

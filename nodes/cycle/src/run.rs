@@ -4,23 +4,14 @@ use graph::Stamp;
 use probecell_msgs::{OperationRequest, OperatorRequest, PlanId};
 
 use crate::{
+    part_name::{self, MARK},
     ports::Out,
     requests,
-    state::{Run, Stage, State},
+    state::{REFUTED, Run, Stage, State},
 };
 
-/// Why no part is begun after a reference has refuted a measurement; a further measurement is made.
-pub(crate) const REFUTED: &str =
-    "no part is made until the cause is found and the cell started again";
 /// What a request to resume a measurement is told that is not there, or void.
 pub(crate) const NOTHING_RESUMED: &str = "nothing can be resumed";
-/// Stands between the name of a part and the number of its run; no name contains it.
-const MARK: char = '#';
-
-/// A name that can be printed on one line and kept in a file; empty where a request names nothing.
-fn is_name(text: &str) -> bool {
-    text.chars().count() <= 200 && !text.chars().any(probecell_msgs::is_unprintable)
-}
 
 /// Why a run does not begin: checked before anything moves.
 pub(crate) fn refusal(
@@ -30,6 +21,7 @@ pub(crate) fn refusal(
     last: Option<&Run>,
 ) -> Option<&'static str> {
     let expires = Stamp::from(&asked.expires);
+    let name = part_name::refusal(&asked.subject);
     match &state.run {
         _ if expires != Stamp(0) && now > expires => {
             Some("the request came too late: it has expired")
@@ -41,11 +33,8 @@ pub(crate) fn refusal(
         None if !state.informed => {
             Some("machine_state has not reported yet which parts were made before")
         }
-        None if !is_name(&asked.subject) => {
-            Some("the name of the part contains an unprintable character, or more than 200")
-        }
+        None if name.is_some() => name,
         None if asked.plan_id.is_empty() && state.refuted.is_some() => Some(REFUTED),
-        None if asked.subject.contains(MARK) => Some("the name of a part contains no #"),
         None => match last {
             Some(run) if asked.subject.is_empty() || asked.subject == run.part_id => None,
             Some(_) => Some("the plan belongs to another part"),
@@ -72,6 +61,7 @@ pub(crate) fn begin(state: &mut State, now: Stamp, part_id: &str) -> Run {
         part_id: part_id.to_owned(),
         run_id,
         number,
+        order_id: 0,
         since: now,
         asked: None,
         told: now,
@@ -93,6 +83,7 @@ pub(crate) fn resume(state: &mut State, now: Stamp, mut run: Run, out: &mut Out)
         return;
     };
     run.stopping = None;
+    state.book.resumed(&run);
     let request_id = measure(state, now, &mut run, &plan_id, only, out);
     run.stage = if only {
         Stage::OnlyMeasuring {

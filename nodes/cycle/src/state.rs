@@ -3,8 +3,15 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use graph::Stamp;
-use probecell_msgs::{OperationRequest, OperatorRequest, PassDecision, PlanId, RunId};
+use probecell_msgs::{
+    OperationRequest, OperatorReply, OperatorRequest, OrderRequest, Orders, PassDecision, PlanId,
+    RunId,
+};
 use serde::{Deserialize, Serialize};
+
+/// Why no part is begun after a reference has refuted a measurement; a further measurement is made.
+pub(crate) const REFUTED: &str =
+    "no part is made until the cause is found and the cell started again";
 
 /// The state of `cycle`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -33,6 +40,21 @@ pub struct State {
     pub recent: Vec<OperatorRequest>,
     /// Why no further part is made: what a reference measurement refutes.
     pub refuted: Option<String>,
+    /// The orders.
+    pub book: OrderBook,
+}
+
+/// The orders of the cell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OrderBook {
+    /// As published last.
+    pub list: Orders,
+    /// Revision that is on disk; none before the launcher has reported which orders there are.
+    pub kept: Option<u64>,
+    /// Answers to operators, each with the revision that has to be on disk before.
+    pub replies: Vec<(u64, OperatorReply)>,
+    /// Requests that have not expired: each is taken once.
+    pub recent: Vec<OrderRequest>,
 }
 
 /// A part that is being made.
@@ -44,6 +66,8 @@ pub struct Run {
     pub run_id: String,
     /// Number of the run in the session of the cell, from 1.
     pub number: u64,
+    /// Number of the order whose part it makes; 0: of none.
+    pub order_id: u64,
     /// Start of the stage.
     pub since: Stamp,
     /// What was requested last of the machine.

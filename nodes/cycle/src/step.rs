@@ -3,16 +3,17 @@
 use graph::{START, Stamp};
 use probecell_msgs::{
     CorrectionAcknowledgement, Fault, OperationReport, OperationRequest, OperatorReply,
-    OperatorRequest, PartReport, PartStatus, PassDecision, PassDecisionCode, PlanId, RunId,
+    OperatorRequest, Order, PartReport, PartStatus, PassDecision, PassDecisionCode, PlanId, RunId,
 };
 
 use crate::{
     config::Config,
     ending::end,
+    orders,
     ports::{Input, Out, Output},
     requests,
-    run::{NOTHING_RESUMED, REFUTED, begin, measure, refusal, resume},
-    state::{Run, Stage, State, Stopping},
+    run::{NOTHING_RESUMED, begin, measure, refusal, resume},
+    state::{REFUTED, Run, Stage, State, Stopping},
 };
 
 /// Parts kept that a reference may refute yet.
@@ -21,6 +22,7 @@ const QUALIFIED_LIMIT: usize = 64;
 /// Processes one input at the instant `now`.
 pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Out) {
     let before = requests::stage(state);
+    let orders_before = state.book.list.clone();
     match input {
         // A restarted process must not take reports on the requests of its predecessor for its own.
         Input::Timer(START) => state.next_request = now.0.unsigned_abs(),
@@ -40,10 +42,7 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
             }
         }
         Input::Stop(request) => {
-            let text = match request.operator_name.as_str() {
-                "" => "stopped on request".to_owned(),
-                name => format!("stopped by {name}"),
-            };
+            let text = orders::by("stopped", &request.operator_name);
             requests::stop(state, now, &text, out);
         }
         Input::MachineFault(fault)
@@ -51,7 +50,13 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
         | Input::PlanningFault(fault)
         | Input::AnalysisFault(fault)
         | Input::LauncherFault(fault) => handle_fault(state, now, &fault, out),
+        Input::OrderRequest(request) => orders::request(state, now, request),
+        Input::KeptOrders(kept) => state.book.take_kept(kept),
     }
+    if let Some(order) = orders::due(state) {
+        begin_ordered(config, state, now, &order, out);
+    }
+    orders::settle(state, now, &orders_before, out);
     if requests::stage(state) != before {
         requests::publish(config, state, now, out);
     }
@@ -142,9 +147,7 @@ fn handle_run_request(
     if refusal.is_some() {
         return;
     }
-    state.acknowledged.clear();
-    state.last = None;
-    state.void = None;
+    forget_last(state);
     if let Some(run) = last {
         return resume(state, now, run, out);
     }
@@ -159,6 +162,23 @@ fn handle_run_request(
         request_id,
     };
     state.run = Some(run);
+}
+
+/// What belongs to the part that was made last is over.
+fn forget_last(state: &mut State) {
+    state.acknowledged.clear();
+    state.last = None;
+    state.void = None;
+}
+
+/// Begins a part of an order.
+fn begin_ordered(config: &Config, state: &mut State, now: Stamp, order: &Order, out: &mut Out) {
+    forget_last(state);
+    let mut run = begin(state, now, &order.part_id);
+    run.order_id = order.order_id;
+    orders::begun(state, &run);
+    state.run = Some(run);
+    cut(config, state, now, 0, out);
 }
 
 /// Cuts operation `index` of the pass, or measures when all are cut.

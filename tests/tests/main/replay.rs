@@ -423,8 +423,10 @@ fn every_topic_of_the_cell_has_one_producer_and_every_input_a_speaker() {
         external,
         [
             "approvals",
+            "kept_orders",
             "launcher/faults",
             "operator_keys",
+            "order_requests",
             "plan_requests",
             "recording_status",
             "run_requests",

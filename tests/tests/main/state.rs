@@ -22,8 +22,8 @@ use cell_tests::{
 use graph::{Published, START, topics};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, FeatureResult,
-    InspectionPlan, MachineState, OperationRequest, OperatorReply, OperatorRequest, PartReport,
-    ProbeEvent, ProbeTrigger, ReferenceMeasurement,
+    InspectionPlan, MachineState, OperationRequest, OperatorReply, OperatorRequest, OrderRequest,
+    Orders, PartReport, ProbeEvent, ProbeTrigger, ReferenceMeasurement,
     diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue},
     from_cdr,
     sensor_msgs::JointState,
@@ -172,6 +172,33 @@ fn refuted_later() -> (Cell, Vec<Published>) {
     session.run_s(1.0);
     session.ask_for("second");
     session.run_s(1.0);
+    (cell, session.finish())
+}
+
+/// Two parts of an order, whose request comes twice; the launcher keeps what it is told.
+fn ordered() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(str::to_owned);
+    let mut session = Session::new(&cell);
+    session.send(topics::KEPT_ORDERS, &Orders::default());
+    let order = OrderRequest {
+        kind: OrderRequest::ADD,
+        order_id: 1,
+        part_id: "punch".to_owned(),
+        count: 2,
+        expires: session.now().after_s(600.0).time(),
+        ..OrderRequest::default()
+    };
+    session.send(topics::ORDER_REQUESTS, &order);
+    let mut kept = 0;
+    while session.all::<PartReport>(topics::PART_REPORTS).len() < 2 {
+        session.run_s(0.25);
+        let orders: Vec<Orders> = session.all(topics::ORDERS);
+        for one in orders.iter().skip(kept) {
+            session.send(topics::KEPT_ORDERS, one);
+            session.send(topics::ORDER_REQUESTS, &order);
+        }
+        kept = orders.len();
+    }
     (cell, session.finish())
 }
 
@@ -600,6 +627,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         again(),
         refuted(),
         refuted_later(),
+        ordered(),
         refuted_late(&[topics::REFERENCE_RESULTS], 2.0),
         refuted_late(&[topics::FEATURE_RESULTS], 100.0),
     ]);

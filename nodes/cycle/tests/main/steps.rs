@@ -56,7 +56,7 @@ fn check(inputs: Vec<Input>, expected: &[&str]) {
 
 fn line(output: &Output) -> Option<String> {
     Some(match output {
-        Output::Status(_) => return None,
+        Output::Status(_) | Output::Orders(_) | Output::OrderReply(_) => return None,
         Output::Request(one) if one.kind == OperationRequest::CUT => {
             format!("{} cut {}", one.request_id, one.operation)
         }
