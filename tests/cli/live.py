@@ -6,10 +6,12 @@
 Each check has a network namespace of its own. The witness on the bus is eclipse-zenoh; nothing of ours reads for it.
 """
 
+import collections
 import contextlib
 import json
 import os
 import pathlib
+import random
 import re
 import shutil
 import signal
@@ -26,12 +28,12 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT / "tests"))
 import kit  # noqa: E402
 from kit import until  # noqa: E402
-from kit.recordings import raw  # noqa: E402
+from kit.recordings import decoded, raw  # noqa: E402
 
 CELL = ROOT / "launch-scripts" / "turn_mill.toml"
 LONG = 60.0  # s, of a cut in which something happens
 REFUSED = 2.0  # s, after which a question without an answer is taken for refused
-ASKING = {"run_requests", "operation_requests", "controller_commands", "plan_requests", "approvals", "stop_requests"}
+ASKING = {"run_requests", "operation_requests", "controller_commands", "plan_requests", "approvals", "stop_requests", "order_requests"}
 FORBIDDEN = """
 [bus.router_zenoh.access_control]
 enabled = true
@@ -89,6 +91,8 @@ def cell_that_is_ready(cell, folder, more=(), **how):
 
 
 def part_is_asked_for(cell, folder):
+    # A part that was stopped before holds the orders.
+    asked("orders", "resume", "--cell", cell, folder=folder)
     code, output, errors = asked("run", "punch", "--cell", cell, folder=folder)
     assert code == 0, (output, errors)
 
@@ -252,7 +256,7 @@ def a_paused_cycle_starts_nothing_late(folder):
         with kit.paused(kit.child(up.pid, "node", "cycle")):
             code, output, errors = asked("run", "punch", "--cell", cell, folder=folder)
             assert code == 1 and "no node answered" in output + errors, (code, output, errors)
-        until("an answer of cycle", lambda: recorded(folder).get("run_replies", 0) == 1)
+        until("an answer of cycle", lambda: recorded(folder).get("order_replies", 0) == 1)
         assert status(cell, folder)["part"] is None
         assert recorded(folder).get("operation_requests", 0) == 0
         cutting(cell, folder)
@@ -475,7 +479,7 @@ def what_asks_is_not_played(folder, bag):
     counts = json.loads(asked("info", bag, "--json", folder=folder)[1])["topics"]
     there = {one["topic"].removeprefix("/turn_mill/") for one in counts if one["messages"]}
     assert there & ASKING >= {"run_requests", "operation_requests", "controller_commands"}, there
-    silent = there & (ASKING | {"launcher/faults", "operator_keys", "cell_description"})
+    silent = there & (ASKING | {"kept_orders", "launcher/faults", "operator_keys", "cell_description"})
     with router(folder), witness() as keys:
         # `/diagnostics` is moved below the namespace as well.
         heard = lambda: {key.removeprefix("0/replay").rsplit("/", 2)[0].removeprefix("/turn_mill/") for key in list(keys) if "/@adv/" not in key}
@@ -897,7 +901,80 @@ def the_dashboard_of_a_cell_reads_the_others_once_it_is_looked_at(folder):
         assert parts("other") == 1, page("metrics")
 
 
+def quick(text):
+    """Its part is one diameter, cut in one pass of half a second."""
+    text = re.sub(r'\[\[part\.features\]\]\nid = "(?!D1)(?:.+\n)+\n', "", text)
+    text = re.sub(r"widths = \[\n(?:.+\n)*?\]\n", "", text)
+    text = re.sub(r'    \{ id = "(?!D1)\w+", tolerance_mm.+\n', "", text)
+    text = re.sub(r'    \{ name = "rough".+\n', "", text).replace('["finish_turn", "finish_mill"] }', '["finish_turn"] }')
+    return re.sub(r"duration_s = [\d.]+", "duration_s = 0.5", text)
+
+
+def ten_orders_are_each_made_once_whatever_is_killed(folder):
+    """Seeded instants at which a process or the whole cell is killed. The operator releases the orders, cancels an interrupted one whose good
+    part was reported, and has the others made again; without that no part is begun twice."""
+    cell, chance = own_cell(folder, quick), random.Random(41)
+    parts, again = [f"p{number}" for number in range(10)], []
+    up = started("up", cell, folder=folder)
+    up.says("is ready")
+
+    def orders(*words):
+        code, output, errors = asked("orders", *words, "--json", "--cell", cell, folder=folder)
+        return json.loads(output) if output else until("orders", lambda: asked("orders", folder=folder)[0] == 0) and {}
+
+    def told(topic):
+        """Messages of all recordings so far; what was cut off is recovered."""
+        bags = sorted((folder / "recordings").glob("*"))
+        with kit.new_folder() as whole:
+            for number, bag in enumerate(bags):
+                asked("recover", bag, f"{whole}/{number}", folder=folder)
+            return [one for bag in sorted(pathlib.Path(whole).iterdir()) for *_, one in decoded(bag, [f"/turn_mill/{topic}"])]
+
+    def attended():
+        """The orders that are left, once the operator has seen to them."""
+        known = orders()
+        for order in known.get("orders", []):
+            if order["state"] == "interrupted":
+                good = any(one.part_id == order["part_id"] and one.verdict == 0 for one in told("part_reports"))
+                changed = orders("cancel" if good else "resume", str(order["order_id"]))
+                is_done = changed and not any(one["order_id"] == order["order_id"] and one["state"] == "interrupted" for one in changed["orders"])
+                again.extend([order["part_id"]] * (is_done and not good))
+        if known.get("held"):
+            orders("resume")
+        return known.get("orders")
+
+    for part in parts:
+        code, output, errors = asked("run", part, "--cell", cell, folder=folder)
+        assert code == 0 and f": {part}, 1 part" in output, (output, errors)
+    killed = collections.Counter()
+    while killed.total() < 8 and attended() != []:
+        kit.pause(chance.uniform(0.0, 12.0), "the seeded instant of a kill")
+        victim = chance.choice(("launcher", "launcher", "cycle", "cycle", "machine_state", "analysis"))
+        killed[victim] += 1
+        if victim == "launcher":
+            children = pathlib.Path(f"/proc/{up.pid}/task/{up.pid}/children").read_text().split()
+            up.kill()
+            until("the end of its processes", lambda: not any(pathlib.Path(f"/proc/{child}").exists() for child in children))
+            up = started("up", cell, folder=folder)
+            up.says("is ready")
+        else:
+            os.kill(kit.child(up.pid, "node", victim), signal.SIGKILL)
+            until("orders that are held", lambda: orders().get("held") or orders().get("orders") == [])
+    until("the end of the orders", lambda: attended() == [])
+    up.end(signal.SIGINT)
+    good = collections.Counter(one.part_id for one in told("part_reports") if one.verdict == 0)
+    assert good == dict.fromkeys(parts, 1), good
+    begun = {one.run_id for one in told("operation_requests") if one.kind == 0}
+    counted = collections.Counter(run.split("#")[0] for run in begun)
+    assert counted <= collections.Counter(parts + again), (counted, again)
+    for bag in (folder / "recordings").glob("*"):
+        code, output, errors = asked("replay", bag, folder=folder)
+        assert code in (0, 3) and "DIFFERENT" not in output, (output, errors)
+    print(f"    killed: {dict(killed)}; made again by the operator: {again}", flush=True)
+
+
 CHECKS = (
+    ten_orders_are_each_made_once_whatever_is_killed,
     the_part_of_a_killed_cycle_is_reported, a_killed_gate_stops_the_part, access_control_binds_processes_of_one_machine,
     the_documented_policy_lets_the_cell_work_and_nobody_else_command_it,
     every_process_of_a_cell_is_confined, a_machine_stops_when_its_gate_is_paused, an_operator_stops_a_part_and_ctrl_c_the_cell,

@@ -196,6 +196,7 @@ def check_upgrade(way, new, first):
     assert "turn_mill" in debian.get("http://127.0.0.1:7490/")
     good("keys, recordings and edited files are as they were")
 
+    probecell(debian, "orders", "resume", "--cell", CELL)
     probecell(debian, "run", "third", "--cell", CELL)
     approved = 0
     while found := re.search(r"approve (\S+)", report := cell.says("waits for approval: |^part third: ")):

@@ -38,12 +38,13 @@ pub const DRIVER: &str = "driver";
 pub const RECORDER: &str = "recorder";
 
 /// Services, and the user who serves them.
-pub const SERVICES: [(&str, &str); 7] = [
+pub const SERVICES: [(&str, &str); 8] = [
     ("plan", LAUNCHER),
     ("run", LAUNCHER),
     ("stop", LAUNCHER),
     ("status", LAUNCHER),
     ("approve_correction", LAUNCHER),
+    ("manage_orders", LAUNCHER),
     ("start_recording", RECORDER),
     ("stop_recording", RECORDER),
 ];

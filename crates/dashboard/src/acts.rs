@@ -1,9 +1,9 @@
-//! Acts of operators from a page: approve, reject, stop, make a part, touch again, take the proposed touches.
+//! Acts of operators from a page: approve, reject, stop, make a part, change the orders, touch again, take the proposed touches.
 //!
 //! The key is the operator's, on the operator's device (`assets/acts.js`). The page asks for an [`Offer`]: what exactly is to
 //! be signed ([`signatures::Act`]). It shows it, signs it together with what it has shown, and sends the signature. The dashboard has
 //! no operator's key and cannot act by itself: it hands the signed act to the service of the cell that the commands `approve`,
-//! `stop` and `run` call. An answer to a correction is verified by the cell, which records refusals as well; for the
+//! `stop`, `orders` and `run` call. An answer to a correction is verified by the cell, which records refusals as well; for the
 //! others, which the cell takes without a signature too, the signature is verified here.
 //!
 //! A cell takes acts only where the dashboard was given its file, which says how to reach its services and which key it has.
@@ -20,6 +20,7 @@ use std::time::{Duration, Instant};
 
 use host::bus::BusConfig;
 use probecell_msgs::builtin_interfaces::Time;
+use probecell_msgs::srv::ManageOrdersRequest;
 use probecell_msgs::{InspectionPoint, OperatorKeys, from_cdr};
 use serde::{Deserialize, Serialize};
 use signatures::approval::{NotApproved, check};
@@ -63,6 +64,8 @@ enum Deed {
     Stop,
     /// Make a part.
     Make { part: String },
+    /// Change the orders.
+    Order(ManageOrdersRequest),
     /// Touch points of the part in the machine.
     Touch {
         part: String,
@@ -77,7 +80,7 @@ impl Deed {
             Self::Answer { approve: true, .. } => Kind::Approve,
             Self::Answer { approve: false, .. } => Kind::Reject,
             Self::Stop => Kind::Stop,
-            Self::Make { .. } | Self::Touch { .. } => Kind::Run,
+            Self::Make { .. } | Self::Order(_) | Self::Touch { .. } => Kind::Run,
         }
     }
 }
@@ -96,9 +99,9 @@ struct Offer {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Wish {
     cell: String,
-    /// `approve`, `reject`, `stop`, `make`, `again` or `next`.
+    /// `approve`, `reject`, `stop`, `make`, `cancel`, `first`, `release`, `again` or `next`.
     act: String,
-    /// Correction, part, feature or number of the proposal.
+    /// Correction, part, order, feature or number of the proposal.
     #[serde(default)]
     subject: String,
 }

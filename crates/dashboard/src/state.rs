@@ -3,7 +3,6 @@
 //! [`Hall::apply`] takes the name of a topic, its bytes and the instant of their reception; a live bus and a recording are
 //! read by the same code. Everything kept has a bound, which stands beside it.
 
-mod capability;
 mod cell;
 mod course;
 mod events;
@@ -13,7 +12,6 @@ mod ledger;
 mod reduce;
 pub(crate) mod wording;
 
-pub use capability::{Capability, FEWEST, STATEMENT, capability};
 pub use cell::{Attention, CellState, Characteristic, RunChartPoint, Section, Touch};
 pub use course::{Course, Doing, INTERVALS, LAST_PARTS, LastPart};
 pub use events::{Event, EventKind};

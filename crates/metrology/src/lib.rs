@@ -16,6 +16,7 @@
 //! | Where does the part lie? | [`datum`], [`alignment`] | ISO 5459 |
 //! | How uncertain is a result? | [`uncertainty`], [`statistics`] | GUM (JCGM 100), JCGM 101, JCGM 102 |
 //! | Does a size conform? | [`conformance`] | ISO 14253-1:2013, JCGM 106:2012 |
+//! | Is the process capable? | [`capability`] | ISO 22514-2:2017 |
 //! | What follows for the tool that cut it? | [`decision`] | `docs/source_systems.md`, A.4 |
 //! | What follows for the path that cut it? | [`profile`], [`autocorrelation`] | `docs/source_systems.md`, B |
 //! | What is the part's form, what the guideway's? | [`separation`], [`slip`] | `docs/source_systems.md`, C |
@@ -64,6 +65,7 @@ pub mod alignment;
 pub mod datum;
 pub mod fit;
 
+pub mod capability;
 pub mod conformance;
 pub mod decision;
 

@@ -6,7 +6,12 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 use host::clock::CellClock;
 
-use crate::{DEFAULT_CELL, commands, launcher::Speed, running::Meant};
+use crate::{
+    DEFAULT_CELL,
+    commands::{self, selection::Selection},
+    launcher::Speed,
+    running::Meant,
+};
 
 /// What the help says of ROS arguments, which are no options of any command.
 const ROS_ARGUMENTS: &str = "Commands for a running cell accept ROS arguments after their own; these override the cell file:\n  \
@@ -119,19 +124,21 @@ pub(crate) enum Command {
     /// Start or stop the recording of a running cell.
     #[command(subcommand)]
     Recording(commands::recording::Command),
-    /// Request a part from a running cell.
+    /// Order parts of a running cell.
     Run {
-        /// Name of the part.
+        /// Name of the parts.
         part: String,
-        /// Wait for its end; exit status 1 if it is not qualified.
+        /// Wait for their end; exit status 1 as soon as one is not qualified.
         #[arg(long)]
         wait: bool,
-        /// Make so many, one after the other, until one is not qualified; waits for each.
+        /// Parts of the order, made one after the other.
         #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
         count: u32,
         #[command(flatten)]
         cell: Meant,
     },
+    /// List the orders of a running cell, or change them.
+    Orders(commands::orders::Arguments),
     /// Stop the machine of a running cell, and the part that is being made.
     Stop {
         /// Name of the operator who stops it.
@@ -233,11 +240,13 @@ pub(crate) enum Command {
         #[arg(long, value_name = "BAG")]
         later: Option<PathBuf>,
     },
-    /// Plan the measuring order of a cell's part, or of the plan in a recording.
+    /// Plan the measuring order of a cell's part, or of the plan in a recording; of a recording with several plans, list them.
     Plan {
         /// Cell file, or a bag whose plan is reordered.
         #[arg(default_value = DEFAULT_CELL)]
         source: PathBuf,
+        #[command(flatten)]
+        selection: Selection,
         /// Print JSON.
         #[arg(long)]
         json: bool,
@@ -310,6 +319,7 @@ impl Command {
                 | Self::Record { .. }
                 | Self::Recording(_)
                 | Self::Run { .. }
+                | Self::Orders(_)
                 | Self::Stop { .. }
                 | Self::Status { .. }
                 | Self::Measure { .. }

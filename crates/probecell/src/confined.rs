@@ -11,7 +11,7 @@ use confinement::{Confined, Rights, Sockets, confine, interpreter};
 use controllers::driver::Role;
 use host::bus::BusConfig;
 
-use crate::commands::external;
+use crate::{commands::external, operator::orders};
 
 /// Of a process that joins the bus: its sockets and its certificates.
 fn of_bus(bus: &BusConfig) -> anyhow::Result<Rights> {
@@ -120,9 +120,11 @@ pub(crate) fn launcher(cell: &Cell, listen: &[String], recorded: bool) -> anyhow
         programs.extend(interpreter(&program).with_context(unread)?);
         programs.push(program);
     }
+    let orders = orders::folder(cell)?;
+    make([orders.as_path()])?;
     let mut rights = Rights::default()
         .reads(["/"])
-        .writes([KeyFolder::of(cell)?.path()])
+        .writes([KeyFolder::of(cell)?.path(), &orders])
         .writes(sockets(listen))
         .starts(programs);
     if Path::new(SHARED_MEMORY).exists() {

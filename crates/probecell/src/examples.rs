@@ -23,7 +23,12 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         &["recording start shift_2 --cell my_cell.toml"],
     ),
     ("recording stop", &["recording stop --cell my_cell.toml"]),
-    ("run", &["run \"shaft 7\" --cell my_cell.toml"]),
+    ("run", &["run shaft --count 20 --wait --cell my_cell.toml"]),
+    ("orders", &["orders", "orders --json --cell my_cell.toml"]),
+    ("orders cancel", &["orders cancel 3 4"]),
+    ("orders move", &["orders move 5 --to 1"]),
+    ("orders resume", &["orders resume", "orders resume 3"]),
+    ("orders hold", &["orders hold"]),
     ("stop", &["stop --operator Ada --cell my_cell.toml"]),
     ("status", &["status", "status --json --cell my_cell.toml"]),
     (

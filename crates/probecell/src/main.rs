@@ -198,14 +198,8 @@ fn run(command: Command) -> anyhow::Result<u8> {
             wait,
             count,
             cell,
-        } => {
-            let cell = cell.file()?;
-            if wait || count > 1 {
-                commands::run::run_and_wait(&cell, &part, count)
-            } else {
-                commands::run::run(&cell, &part)
-            }
-        }
+        } => commands::run::run(&cell.file()?, &part, count, wait),
+        Command::Orders(arguments) => commands::orders::run(&arguments),
         Command::Stop { operator, cell } => commands::stop::run(&cell.file()?, &operator),
         Command::Status { cell, json } => commands::status::run(&cell.file()?, json),
         Command::Stream(arguments) => commands::stream::run(&arguments),
@@ -234,7 +228,11 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Import(command) => commands::import::run(&command),
         Command::Export(arguments) => commands::export::run(&arguments),
         Command::Recover { bag, to, later } => commands::recover::run(&bag, &to, later.as_deref()),
-        Command::Plan { source, json } => commands::plan::run(&source, json),
+        Command::Plan {
+            source,
+            json,
+            selection,
+        } => commands::plan::run(&source, json, &selection),
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
         Command::Report(arguments) => commands::report::run(&arguments),
         Command::Adopt(arguments) => commands::adopt::run(&arguments),

@@ -5,7 +5,8 @@ use session_io::Measured;
 use tracing::Level;
 
 pub(crate) use terminal::{
-    Colour, bytes, coloured, end_progress, json, line, position, progress, with_progress, wrapped,
+    Colour, bytes, coloured, end_progress, json, line, position, progress, table, with_progress,
+    wrapped,
 };
 
 /// A remark on standard error, and in the log of a process of a cell.

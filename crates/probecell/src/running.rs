@@ -56,7 +56,7 @@ fn written(name: &str, file: &Path) -> Option<File> {
 #[derive(clap::Args)]
 pub(crate) struct Meant {
     /// Cell file; default: the only cell of this user that runs here.
-    #[arg(long)]
+    #[arg(long, global = true)]
     cell: Option<PathBuf>,
 }
 

@@ -38,5 +38,5 @@ pub use kit::{
 };
 pub use pages::{
     PartSession, ShortDiagnosis, SizeRecord, add_diagnosis, diagnosis_page, part_page,
-    size_records, table_entries,
+    part_session, run_of, shift_page, shift_parts, size_records, table_entries,
 };

@@ -9,7 +9,9 @@ mod numbers;
 mod part;
 mod part_view;
 mod provenance;
+mod shift;
 mod touches;
 
 pub use self::diagnosis::{add_diagnosis, diagnosis_page};
 pub use part::{PartSession, ShortDiagnosis, SizeRecord, part_page, size_records, table_entries};
+pub use shift::{part_session, run_of, shift_page, shift_parts};

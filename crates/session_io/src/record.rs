@@ -7,9 +7,10 @@ use bags::{Bag, Damage, Gap, Measurement};
 use diagnosis::Options;
 use graph::{Topic, topics};
 use probecell_msgs::{
-    Fault, InspectionPlan, LossReport, Message, ProbeEvent, ReferenceMeasurement, TouchDeviation,
+    Fault, InspectionPlan, LossReport, Message, PartReport, ProbeEvent, ReferenceMeasurement,
+    TouchDeviation,
 };
-use report::{Page, PartSession, ShortDiagnosis, part_page};
+use report::{Page, PartSession, ShortDiagnosis, part_page, part_session, shift_page, shift_parts};
 
 use crate::embedded;
 use crate::measured;
@@ -30,7 +31,8 @@ pub fn read(path: &Path) -> anyhow::Result<(PartSession, Vec<Damage>)> {
     Ok((session, damage))
 }
 
-/// The page of a session, with its last measurement diagnosed in short; `remark` hears what a person must know of that.
+/// The page of a session: of several parts the report of the shift, else the record of the part, with its last measurement diagnosed
+/// in short; `remark` hears what a person must know of that.
 ///
 /// # Errors
 /// A picture that cannot be drawn.
@@ -39,6 +41,9 @@ pub fn page(
     session: &PartSession,
     remark: &mut dyn FnMut(&str),
 ) -> anyhow::Result<Page> {
+    if shift_parts(session).len() > 1 {
+        return Ok(shift_page(session, &|_| None)?);
+    }
     let command = format!("probecell diagnose {} --html FILE", session.name);
     let made = measured(path, &Measurement::Last, None).and_then(|measured| {
         for one in &measured.remarks {
@@ -55,6 +60,17 @@ pub fn page(
         }
     };
     Ok(part_page(session, short)?)
+}
+
+/// The record of one part of a session of several.
+///
+/// # Errors
+/// A picture that cannot be drawn.
+pub fn of_part(session: &PartSession, part: &PartReport) -> anyhow::Result<Page> {
+    let own = part_session(session, &[part]);
+    let plan = own.plans.last().map_or("", |plan| &plan.plan_id);
+    let reason = format!("probecell diagnose {} --plan \"{plan}\" does", session.name);
+    Ok(part_page(&own, ShortDiagnosis::None(&reason))?)
 }
 
 /// Gaps of a topic that are listed one by one.
@@ -148,6 +164,8 @@ pub fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
         decisions: reader.all(topics::PASS_DECISIONS)?,
         corrections: reader.all(topics::CORRECTIONS)?,
         acknowledgements: reader.all(topics::CORRECTION_ACKNOWLEDGEMENTS)?,
+        operations: reader.all(topics::OPERATION_REQUESTS)?,
+        gaps: reader.all(topics::GAP_REPORT)?,
         runs: reader.all(topics::RUN_REQUESTS)?,
         approvals: reader.all(topics::APPROVALS)?,
         approval_replies: reader.all(topics::APPROVAL_REPLIES)?,

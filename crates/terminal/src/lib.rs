@@ -2,7 +2,7 @@
 //!
 //! | function | stream |
 //! |---|---|
-//! | [`line`], [`wrapped`], [`bytes`], [`json`], [`document`] | standard output; a reader that closes the pipe early (`| head`) ends the program |
+//! | [`line`], [`wrapped`], [`table`], [`bytes`], [`json`], [`document`] | standard output; a reader that closes the pipe early (`| head`) ends the program |
 //! | [`remark`], [`warning`], [`error`] | standard error |
 //! | [`progress`], [`with_progress`] | standard error, if it is a terminal |
 //! | [`damage`] | a warning for each damage of a recording, and the exit status that follows |
@@ -87,6 +87,30 @@ pub fn coloured(text: &str, word: &str, colour: Colour) {
     };
     let (text, word) = (printable(text), printable(word));
     bytes(format!("{text}\x1b[{code}m{word}\x1b[0m\n").as_bytes());
+}
+
+/// Prints rows below their heads in aligned columns, numbers at the right. What does not fit belongs into the last column, which goes
+/// on below itself on a terminal.
+pub fn table<const COUNT: usize>(heads: [&str; COUNT], rows: &[[String; COUNT]]) {
+    let width = |column: usize| {
+        let cells = rows.iter().map(|row| row[column].chars().count());
+        cells
+            .chain([heads[column].chars().count()])
+            .max()
+            .unwrap_or(0)
+    };
+    let is_number = |column: usize| rows.iter().all(|row| row[column].parse::<f64>().is_ok());
+    let layout: Vec<_> = (0..COUNT).map(|one| (width(one), is_number(one))).collect();
+    for row in [heads.map(str::to_owned)].iter().chain(rows) {
+        let cells = row.iter().zip(&layout).map(|(cell, &(width, is_number))| {
+            if is_number {
+                format!("{cell:>width$}")
+            } else {
+                format!("{cell:<width$}")
+            }
+        });
+        line(cells.collect::<Vec<_>>().join("  ").trim_end());
+    }
 }
 
 /// Columns that fit on every terminal.

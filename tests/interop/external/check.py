@@ -63,6 +63,7 @@ def stage(cell, folder):
 
 
 def request(cell, folder, part):
+    asked("orders", "resume", "--cell", cell, folder=folder)  # a part that was stopped before holds them
     code, output, errors = asked("run", part, "--cell", cell, folder=folder)
     assert code == 0, (output, errors)
 

@@ -30,7 +30,7 @@ UNREAD = {
     "type_description_interfaces/srv/GetTypeDescription",
 }
 ACTIONS, SERVED, PUBLISHED = ("run", "plan"), ("send_goal", "get_result", "cancel_goal"), ("feedback", "status")
-OF_OPERATORS = {"plan", "run", "stop", "approve_correction", "status", "start_recording", "stop_recording"}
+OF_OPERATORS = {"plan", "run", "stop", "approve_correction", "manage_orders", "status", "start_recording", "stop_recording"}
 OF_A_NODE = {
     "describe_parameters", "get_parameters", "get_parameter_types", "list_parameters", "set_parameters", "set_parameters_atomically",
     "get_type_description",

@@ -163,6 +163,7 @@ def under_ros2_control(folder, *more, left_out="ball_([23]|1_[lrnf])"):
         def made(part, *events, meanwhile=lambda: None):
             for event in events:
                 happens(arm, event)
+            asked("orders", "resume", "--cell", cell, folder=folder)  # a part that was stopped before holds them
             code, output, errors = asked("run", part, "--cell", cell, folder=folder)
             assert code == 0, (output, errors)
             meanwhile()

@@ -154,6 +154,12 @@ def asked(*words):
     return kit.run(PROGRAM, *words, folder=WORK)
 
 
+def ordered(part):
+    """A part; one that was stopped before holds the orders."""
+    asked("orders", "resume", "--cell", "cell.toml")
+    asked("run", part, "--cell", "cell.toml")
+
+
 def cell_file(more, name="cell.toml"):
     text = (ROOT / "launch-scripts" / "turn_mill.toml").read_text(encoding="utf-8")
     shutil.copy(ROOT / "launch-scripts" / "turn_mill.urdf", WORK)
@@ -239,14 +245,14 @@ def interlocks_refuse(heard, peers):
         heard.wait("signals", "it is open", lambda one: one.name == f"{protocol} {name}" and one.valid and one.value == 0.0, begin)
         # Between parts that is no fault.
         assert not [one for _, one in heard.messages["faults"][faults:] if one.code == "interlock_open"]
-        asked("run", f"open{number}", "--cell", "cell.toml")
+        ordered(f"open{number}")
         report = heard.wait("part_reports", "the refusal", lambda one: one.part_id == f"open{number}")[1]
         assert report.verdict == 2 and words in report.text and f'"{protocol} {name}"' in report.text, report
         begin = heard.count("signals")
         peers[protocol].hold(**{name: True})
         heard.wait("signals", "it is closed", lambda one: one.name == f"{protocol} {name}" and one.valid and one.value == 1.0, begin)
     begin, first = heard.count("faults"), heard.count("machine_state")
-    run = threading.Thread(target=asked, args=("run", "opened", "--cell", "cell.toml"))
+    run = threading.Thread(target=ordered, args=("opened",))
     run.start()
     heard.wait("machine_state", "the machine works", lambda one: one.execution == 1, first)
     load = kit.Load()
@@ -287,7 +293,7 @@ def a_server_dies_and_returns(heard, peers):
             heard.wait("machine_state", "an alarm", lambda one: any(f'"{protocol} clamped"' in text for text in one.alarms),
                        heard.count("machine_state"))
             begin = heard.count("part_reports")
-            asked("run", f"{protocol}_{how}", "--cell", "cell.toml")
+            ordered(f"{protocol}_{how}")
             report = heard.wait("part_reports", "the refusal", lambda _: True, begin)[1]
             assert f'"{protocol} clamped" has not been read for 1 s' in report.text, report
             if how == "killed":

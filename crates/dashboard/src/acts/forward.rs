@@ -75,6 +75,14 @@ pub(super) fn forward(
             let reply = cell.call::<srv::Run>("run", &request, REPLY)?;
             Ok(answer(reply.accepted, reply.text, "begun"))
         }
+        Deed::Order(request) => {
+            let request = srv::ManageOrdersRequest {
+                operator_name,
+                ..request.clone()
+            };
+            let reply = cell.call::<srv::ManageOrders>("manage_orders", &request, REPLY)?;
+            Ok(answer(reply.accepted, reply.text, "changed"))
+        }
         Deed::Touch { part, plan, points } => {
             let begun = Instant::now();
             let request = srv::PlanRequest {

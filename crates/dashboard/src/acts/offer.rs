@@ -1,7 +1,10 @@
 //! What is proposed to be signed, from the state of a cell as it is shown.
 
 use diagnosis::Report;
-use probecell_msgs::{Correction, InspectionPlan, InspectionPoint, OperatorRequest, PlanId};
+use probecell_msgs::srv::ManageOrdersRequest;
+use probecell_msgs::{
+    Correction, InspectionPlan, InspectionPoint, OperatorRequest, OrderRequest, PlanId,
+};
 use signatures::{Act, Kind, PublicKey, approval};
 
 use super::Deed;
@@ -36,6 +39,9 @@ pub(super) fn propose(
             summary: vec![format!("Stop the machine and the part of {}", cell.name)],
         }),
         "make" => make(cell, key, subject.trim()),
+        "cancel" => change_orders(cell, key, OrderRequest::CANCEL, subject),
+        "first" => change_orders(cell, key, OrderRequest::MOVE, subject),
+        "release" => change_orders(cell, key, OrderRequest::RESUME, subject),
         "again" => again(cell, key, subject),
         "next" => next(cell, key, subject),
         _ => Err(format!("there is no act {act:?}")),
@@ -123,6 +129,41 @@ fn make(cell: &CellState, key: PublicKey, part: &str) -> Result<Proposal, String
         },
         subject: request(key, part, ""),
         summary: vec![format!("Make the part {part} in cell {}", cell.name)],
+    })
+}
+
+/// The order of that number is cancelled, made first, or released; without a number, all are released.
+fn change_orders(
+    cell: &CellState,
+    key: PublicKey,
+    kind: u8,
+    number: &str,
+) -> Result<Proposal, String> {
+    let mut orders = cell.orders.orders.iter();
+    let order = orders.find(|one| one.order_id.to_string() == number);
+    let what = match (kind, order) {
+        (OrderRequest::RESUME, None) if number.is_empty() => "Release the orders".to_owned(),
+        (_, None) => return Err(format!("there is no order {number:?}")),
+        (OrderRequest::CANCEL, Some(one)) => format!(
+            "Cancel order {number}, {}: {} of {} begun",
+            one.part_id, one.begun, one.count
+        ),
+        (OrderRequest::MOVE, Some(one)) => format!("Make order {number}, {}, next", one.part_id),
+        (_, Some(one)) => format!(
+            "Make the interrupted part of order {number}, {}, again from new stock",
+            one.part_id
+        ),
+    };
+    let request_of = format!("order {number} {kind}");
+    Ok(Proposal {
+        deed: Deed::Order(ManageOrdersRequest {
+            kind,
+            order_id: order.map_or(0, |one| one.order_id),
+            position: 1,
+            ..ManageOrdersRequest::default()
+        }),
+        subject: request(key, &request_of, ""),
+        summary: vec![format!("{what}, in cell {}", cell.name)],
     })
 }
 

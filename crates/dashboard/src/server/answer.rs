@@ -16,14 +16,14 @@ use crate::stream::Clients;
 use crate::trends::Trends;
 use crate::view::{Place, View, message_page};
 
-/// Makes the page of a report or of a diagnosis of a recording; the error is a sentence.
+/// Makes a page of a recording; the error is a sentence.
 pub type MakePage = fn(&FilePath) -> Result<String, String>;
 
 /// Pages that other parts of the program make of a recording.
 #[derive(Clone, Copy)]
 pub struct Pages {
-    /// The record of its parts.
-    pub report: MakePage,
+    /// The record of its parts, or of the one at that place among them.
+    pub report: fn(&FilePath, Option<usize>) -> Result<String, String>,
     /// Why it differs from its model.
     pub diagnosis: MakePage,
 }
@@ -52,7 +52,7 @@ pub(crate) struct Shared {
 }
 
 /// A page of a report: of which file, which kind, how old the file is, its text.
-pub(crate) type ReportPage = (PathBuf, &'static str, u64, String);
+pub(crate) type ReportPage = (PathBuf, String, u64, String);
 
 /// A page as an answer.
 pub(super) fn page(markup: maud::Markup) -> Response {

@@ -1,5 +1,6 @@
 //! Pages of recordings.
 
+use std::path::Path as FilePath;
 use std::sync::{Arc, PoisonError};
 
 use axum::extract::{Path, Query, State};
@@ -8,7 +9,7 @@ use axum::response::{Html, IntoResponse, Response};
 use graph::Stamp;
 use serde::Deserialize;
 
-use super::answer::{Look, MakePage, Shared, csv, missing, page};
+use super::answer::{Look, Shared, csv, missing, page};
 use crate::recordings::{Opened, RecordingError};
 use crate::state::{CellState, Hall};
 use crate::view::{self, Compared, Listing, Place, SessionView, message_page};
@@ -186,18 +187,34 @@ pub(super) async fn compare(State(shared): State<Shared>, Query(two): Query<Two>
     .await
 }
 
-pub(super) async fn report(State(shared): State<Shared>, Path(name): Path<String>) -> Response {
+/// Place of a part among those of a recording; none: the report of all.
+#[derive(Deserialize)]
+pub(super) struct Part {
+    part: Option<usize>,
+}
+
+pub(super) async fn report(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+    Query(Part { part }): Query<Part>,
+) -> Response {
     let make = shared.pages.report;
-    made(shared, name, "report", make).await
+    let kind = part.map_or("report".to_owned(), |part| format!("report {part}"));
+    made(shared, name, kind, move |path| make(path, part)).await
 }
 
 pub(super) async fn diagnosis(State(shared): State<Shared>, Path(name): Path<String>) -> Response {
     let make = shared.pages.diagnosis;
-    made(shared, name, "diagnosis", make).await
+    made(shared, name, "diagnosis".to_owned(), make).await
 }
 
 /// A page of a recording, made once for as long as the recording stays as it is.
-async fn made(shared: Shared, name: String, kind: &'static str, make: MakePage) -> Response {
+async fn made(
+    shared: Shared,
+    name: String,
+    kind: String,
+    make: impl FnOnce(&FilePath) -> Result<String, String> + Send + 'static,
+) -> Response {
     // One at a time: a diagnosis takes a processor for seconds.
     let Ok(_turn) = Arc::clone(&shared.making).acquire_owned().await else {
         return missing("The dashboard is ending.");
@@ -210,7 +227,7 @@ async fn made(shared: Shared, name: String, kind: &'static str, make: MakePage) 
         let lock = || shared.made.lock().unwrap_or_else(PoisonError::into_inner);
         let known = lock()
             .iter()
-            .find(|one| (&one.0, one.1, one.2) == (&path, kind, bytes))
+            .find(|one| (&one.0, &one.1, one.2) == (&path, &kind, bytes))
             .map(|one| one.3.clone());
         let html = match known.map_or_else(|| make(&path), Ok) {
             Ok(html) => html,
@@ -223,7 +240,7 @@ async fn made(shared: Shared, name: String, kind: &'static str, make: MakePage) 
             }
         };
         let mut pages = lock();
-        pages.retain(|one| (&one.0, one.1) != (&path, kind));
+        pages.retain(|one| (&one.0, &one.1) != (&path, &kind));
         if pages.len() == KEPT_PAGES {
             pages.remove(0);
         }

@@ -10,7 +10,7 @@ use metrology::conformance::contradiction;
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::{
     Fault, FeatureResult, GapReport, InspectionPlan, LossReport, MachineState, MeasurementOrder,
-    PartReport, PartStatus, PassDecision, PlanProgress, RecordingStatus, Verdict, from_cdr,
+    Orders, PartReport, PartStatus, PassDecision, PlanProgress, RecordingStatus, Verdict, from_cdr,
     geometrical,
 };
 
@@ -187,6 +187,8 @@ pub struct CellState {
     pub lost: u64,
     /// Whether it is recorded.
     pub recording: Option<RecordingStatus>,
+    /// Parts that operators have ordered.
+    pub orders: Orders,
     /// The newest progress of planning; that of a plan that is made stays.
     pub(super) progress: Option<PlanProgress>,
     /// How often each section has changed.

@@ -69,6 +69,7 @@ pub fn read_topics() -> Vec<graph::Topic> {
         topics::JOINT_STATES,
         topics::PART_STATUS,
         topics::PART_REPORTS,
+        topics::ORDERS,
         topics::INSPECTION_PLAN,
         topics::MEASUREMENT_ORDER,
         topics::PLAN_PROGRESS,

@@ -66,6 +66,11 @@ impl CellState {
             n if n == topics::MACHINE_STATE.name => self.machine_said(bytes),
             n if n == topics::PART_STATUS.name => self.part_said(read(bytes)?),
             n if n == topics::PART_REPORTS.name => self.part_ended(read(bytes)?),
+            n if n == topics::ORDERS.name => {
+                self.orders = read(bytes)?;
+                self.changed(&[Section::State]);
+                None
+            }
             n if n == topics::INSPECTION_PLAN.name => self.planned(read(bytes)?),
             n if n == topics::MEASUREMENT_ORDER.name => self.ordered(read(bytes)?),
             n if n == topics::PLAN_PROGRESS.name => {

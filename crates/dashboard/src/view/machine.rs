@@ -12,8 +12,9 @@ use super::numbers::{counted, mm, signed_um, um, when};
 use super::page::{Frame, Place, frame};
 use super::runs::{cpk, no_index};
 use crate::history::{Adoption, Change, Sized, Summary, adoptions, changes};
-use crate::state::{Capability, Characteristic, capability};
+use crate::state::Characteristic;
 use crate::trends::Months;
+use metrology::capability::{Capability, capability};
 
 /// Machines that have recordings: name, number of them, the newest.
 pub(crate) fn machines_page(machines: &BTreeMap<String, Vec<Summary>>, unread: usize) -> Markup {

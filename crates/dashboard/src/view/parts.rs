@@ -3,7 +3,8 @@
 use graph::Stamp;
 use maud::{Markup, html};
 use probecell_msgs::{
-    Fault, MeasurementOrder, PartStatus, PassDecision, PlanProgress, ProbingMove, RecordingStatus,
+    Fault, MeasurementOrder, Order, PartStatus, PassDecision, PlanProgress, ProbingMove,
+    RecordingStatus,
 };
 
 use super::deeds::{deed, deed_asking};
@@ -14,6 +15,8 @@ use probecell_msgs::sensor_msgs::JointState;
 
 /// Events shown.
 const EVENTS: usize = 40;
+/// Orders shown.
+const ORDERS: usize = 12;
 
 /// State, part, decision.
 pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
@@ -35,6 +38,7 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
                 @if cell.is_stale(now) { div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } } }
             }
             @if let Some(one) = cell.planning() { (planning(one)) }
+            @if !cell.orders.orders.is_empty() { (orders(cell, takes_acts && !cell.kept)) }
             @if takes_acts && !cell.kept {
                 p.deeds {
                     (deed(cell, "stop", "", "Stop"))
@@ -44,6 +48,36 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
                 p.note.unsigned { "Read only on this device: it holds no " a href="/key" { "key" } "." }
             }
         }
+    }
+}
+
+/// What operators have ordered, in the order in which it is made.
+fn orders(cell: &CellState, takes_acts: bool) -> Markup {
+    let held = &cell.orders.held;
+    html! {
+        table.orders {
+            caption { "Orders" @if !held.is_empty() { ", held: " (minus(held)) @if takes_acts { " " (deed(cell, "release", "", "Release")) } } }
+            thead { tr { th { "No." } th { "Parts" } th { "Begun" } th { "State" } th {} } }
+            tbody {
+                @for (place, one) in cell.orders.orders.iter().take(ORDERS).enumerate() {
+                    @let number = one.order_id.to_string();
+                    tr {
+                        td { (number) }
+                        td { (readable(&one.part_id)) }
+                        td { (one.begun) " of " (one.count) }
+                        td { (Order::word(one.state)) }
+                        td {
+                            @if takes_acts {
+                                @if one.state == Order::INTERRUPTED { (deed(cell, "release", &number, "Make again")) " " }
+                                @if place > 0 { (deed(cell, "first", &number, "First")) " " }
+                                (deed(cell, "cancel", &number, "Cancel"))
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        @if cell.orders.orders.len() > ORDERS { p.note { "and " (cell.orders.orders.len() - ORDERS) " more" } }
     }
 }
 

@@ -2,14 +2,13 @@
 
 use graph::Stamp;
 use maud::{Markup, html};
+use metrology::capability::{Capability, FEWEST, STATEMENT, capability};
 
 use super::csv::number;
 use super::numbers::{counted, date, signed_um, span, um};
 use super::save::save;
 use super::small::{gaps, sizes, strip};
-use crate::state::{
-    Capability, CellState, Characteristic, FEWEST, RunChartPoint, STATEMENT, capability,
-};
+use crate::state::{CellState, Characteristic, RunChartPoint};
 
 /// Charts shown.
 const CHARTS: usize = 24;

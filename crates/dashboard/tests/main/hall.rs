@@ -1,10 +1,11 @@
 //! The hall: what a tile draws, which cells are chosen, and how much is kept.
 
-use dashboard::state::{Hall, LAST_PARTS};
-use dashboard::view::{Choice, hall_csv, hall_page, tile};
+use dashboard::state::{Hall, LAST_PARTS, Section};
+use dashboard::view::{Choice, View, hall_csv, hall_page, section, tile};
 use graph::Stamp;
 use probecell_msgs::{
-    FeatureResult, InspectionFeature, InspectionPlan, MachineState, PartStatus, Verdict, to_cdr,
+    FeatureResult, InspectionFeature, InspectionPlan, MachineState, Order, Orders, PartStatus,
+    Verdict, to_cdr,
 };
 
 const TOLERANCE: f64 = 10e-6;
@@ -57,6 +58,53 @@ fn part(hall: &mut Hall, cell: &str, number: usize, deviation: f64, at: Stamp) {
         };
         hall.apply(&format!("/{cell}/verdicts"), &to_cdr(&verdict), at);
     }
+}
+
+#[test]
+fn the_page_of_a_cell_lists_its_orders_and_why_they_are_held() {
+    let mut hall = Hall::default();
+    machine(&mut hall, "mill", MachineState::EXECUTION_IDLE, begin());
+    let order = |order_id: u64| Order {
+        order_id,
+        part_id: format!("<Welle> {order_id}"),
+        count: 20,
+        begun: 7,
+        state: Order::INTERRUPTED,
+        ..Order::default()
+    };
+    let mut orders = Orders {
+        orders: (1..=15).map(order).collect(),
+        held: "stopped by Ada".to_owned(),
+        ..Orders::default()
+    };
+    let page = |hall: &Hall| {
+        let cell = hall.cell("mill").expect("a cell");
+        section(
+            Section::State,
+            cell,
+            hall,
+            begin(),
+            View::default(),
+            "/cell/mill",
+        )
+        .into_string()
+    };
+    assert!(!page(&hall).contains("Orders"));
+    hall.apply("/mill/orders", &to_cdr(&orders), begin());
+    let shown = page(&hall);
+    for words in [
+        "Orders, held: stopped by Ada",
+        "&lt;Welle&gt; 12",
+        "7 of 20",
+        "interrupted",
+        "and 3 more",
+    ] {
+        assert!(shown.contains(words), "{words}: {shown}");
+    }
+    assert!(!shown.contains("Welle&gt; 13"));
+    orders.orders.clear();
+    hall.apply("/mill/orders", &to_cdr(&orders), begin());
+    assert!(!page(&hall).contains("Orders"));
 }
 
 #[test]

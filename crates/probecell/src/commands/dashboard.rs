@@ -254,8 +254,8 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
     Ok(GOOD)
 }
 
-fn report(bag: &Path) -> Result<String, String> {
-    super::report::html(bag).map_err(|error| format!("{error:#}"))
+fn report(bag: &Path, part: Option<usize>) -> Result<String, String> {
+    super::report::html(bag, part).map_err(|error| format!("{error:#}"))
 }
 
 fn diagnosis(bag: &Path) -> Result<String, String> {

@@ -121,18 +121,17 @@ pub(crate) fn run(
             info.messages,
             info.files.len()
         ));
-        for topic in &info.topics {
-            let missing = topic.losses.missing();
-            let lost = if missing > 0 {
-                format!("  {missing} MISSING")
-            } else {
-                String::new()
-            };
-            output::line(&format!(
-                "{:>9}  {}  [{}]{lost}",
-                topic.messages, topic.topic, topic.type_name
-            ));
-        }
+        let rows: Vec<_> = (info.topics.iter())
+            .map(|topic| {
+                let lost = match topic.losses.missing() {
+                    0 => String::new(),
+                    missing => format!("{missing} MISSING"),
+                };
+                let (messages, kind) = (topic.messages.to_string(), topic.type_name.clone());
+                [messages, topic.topic.clone(), kind, lost]
+            })
+            .collect();
+        output::table(["messages", "topic", "type", ""], &rows);
         for (channel, changes) in bag.migrated() {
             output::line(&format!(
                 "version   fields of {}: {}",
@@ -146,10 +145,19 @@ pub(crate) fn run(
                 attachment.name, attachment.bytes
             ));
         }
+        // The sections of the cell file stand there as it is attached, or in the JSON.
+        let short = |(_, value): &(&String, &String)| !value.trim_end().contains('\n');
         for (name, table) in &info.metadata {
-            for (key, value) in table {
-                let value = value.trim_end().replace('\n', "; ");
-                output::line(&format!("{name}  {key}: {value}"));
+            for (key, value) in table.iter().filter(short) {
+                output::line(&format!("{name}  {key}: {}", value.trim_end()));
+            }
+            let long = table
+                .iter()
+                .filter(|one| !short(one))
+                .map(|(key, _)| key.as_str());
+            let long = long.collect::<Vec<_>>().join(", ");
+            if !long.is_empty() {
+                output::wrapped(&format!("{name}  see --json: "), 4, &long);
             }
         }
         for damage in &info.damage {

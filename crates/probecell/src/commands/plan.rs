@@ -5,18 +5,27 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use bags::{Bag, Session};
 use cell::Cell;
-use graph::Stamp;
+use graph::{Stamp, topics};
 use machine::{Chain, Nominal};
 use path_planning::Planned;
+use probecell_msgs::InspectionPlan;
 use serde_json::json;
 use session_io::evaluation::{evaluate, lines};
-use session_io::is_cell_file;
 use session_io::order::measuring_order;
+use session_io::{is_cell_file, record};
 
+use super::selection::Selection;
 use crate::{GOOD, output, ros_arguments::read_cell};
 
-/// Plans and prints.
-pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
+/// Plans and prints; of a recording with several plans, or where some are wanted, lists them.
+pub(crate) fn run(source: &Path, as_json: bool, selection: &Selection) -> anyhow::Result<u8> {
+    if !is_cell_file(source) {
+        let bag = Bag::open(source)?;
+        let plans = plans(&bag, source)?;
+        if plans.len() > 1 || selection.is_given() {
+            return list(plans, as_json, selection);
+        }
+    }
     let (planned, status) = if is_cell_file(source) {
         (of_cell(&read_cell(source)?)?, GOOD)
     } else {
@@ -51,6 +60,49 @@ pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
     ));
     output::line(&format!("order: {:?}", order.order));
     Ok(status)
+}
+
+/// The plans of a recording, each as it was published last.
+fn plans(bag: &Bag, source: &Path) -> anyhow::Result<Vec<InspectionPlan>> {
+    let namespace = &record::namespace(bag, source)?;
+    let mut plans: Vec<InspectionPlan> = Vec::new();
+    for plan in
+        (record::Reader { bag, namespace }).all::<InspectionPlan>(topics::INSPECTION_PLAN)?
+    {
+        plans.retain(|known| known.plan_id != plan.plan_id);
+        plans.push(plan);
+    }
+    Ok(plans)
+}
+
+fn list(plans: Vec<InspectionPlan>, as_json: bool, selection: &Selection) -> anyhow::Result<u8> {
+    let of_part = |plan: &InspectionPlan, name: &str| {
+        let rest = plan.plan_id.strip_prefix(name);
+        rest.is_some_and(|rest| rest.starts_with('/') || rest.starts_with('#'))
+    };
+    let at = |plan: &InspectionPlan| plan.header.stamp.nanos();
+    let wanted = selection.of(plans, of_part, at);
+    if as_json {
+        let plan = |one: &InspectionPlan| {
+            let (touches, features) = (one.points.len(), one.features.len());
+            json!({ "plan_id": one.plan_id, "part_id": one.part_id, "at_ns": at(one), "touches": touches, "features": features })
+        };
+        output::json(&json!({ "plans": wanted.iter().map(plan).collect::<Vec<_>>() }))?;
+        return Ok(GOOD);
+    }
+    let row = |one: &InspectionPlan| {
+        let at = humantime::format_rfc3339_seconds(one.header.stamp.into()).to_string();
+        let (touches, features) = (one.points.len().to_string(), one.features.len().to_string());
+        [
+            at.replace('T', " ").replace('Z', ""),
+            touches,
+            features,
+            one.plan_id.clone(),
+        ]
+    };
+    let rows: Vec<_> = wanted.iter().map(row).collect();
+    output::table(["planned (UTC)", "touches", "features", "plan"], &rows);
+    Ok(GOOD)
 }
 
 /// What [`Cell::measuring_order`] finds, with progress on a terminal.

@@ -1,10 +1,16 @@
-//! `probecell report`: the record of the parts that a session made, one page to be filed.
+//! `probecell report`: the record of the parts that a session made: one page to be filed, or the report of a shift with a page for each part.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
-use anyhow::Context;
+use ::report::{Page, PartSession, part_session, run_of, shift_page, shift_parts};
+use anyhow::{Context, bail};
+use probecell_msgs::PartReport;
 use session_io::{record, sizes};
 
+use super::selection::Selection;
 use crate::output;
 
 /// What the user asks for.
@@ -12,34 +18,93 @@ use crate::output;
 pub(crate) struct Arguments {
     /// Bag: a folder or an .mcap file.
     bag: PathBuf,
-    /// Write a self-contained, printable HTML page instead of plain text.
+    /// Write a printable HTML page instead of plain text; of several parts the report of the shift, and the page of each in a folder
+    /// beside it.
     #[arg(long, value_name = "FILE", conflicts_with = "json")]
     html: Option<PathBuf>,
     /// The sizes with their verdicts, decision rules and references as one JSON object.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    selection: Selection,
 }
 
 /// Writes the page, or prints its text.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let (session, damage) = record::read(&arguments.bag)?;
+    let (whole, damage) = record::read(&arguments.bag)?;
+    let session = selected(&arguments.bag, whole, &arguments.selection)?;
     if arguments.json {
         output::json(&sizes::json(&session))?;
         return Ok(output::damage(&damage));
     }
-    let page = record::page(&arguments.bag, &session, &mut output::remark)?;
+    let parts = shift_parts(&session);
+    let page = match parts.as_slice() {
+        [part] if arguments.selection.is_given() => record::of_part(&session, part)?,
+        _ => record::page(&arguments.bag, &session, &mut output::remark)?,
+    };
     match &arguments.html {
-        Some(file) => std::fs::write(file, page.html())
-            .with_context(|| format!("cannot write {}", file.display()))?,
+        Some(file) if parts.len() > 1 => write_shift(&session, &parts, file)?,
+        Some(file) => write(file, &page)?,
         None => output::line(page.text().trim_end()),
     }
     Ok(output::damage(&damage))
 }
 
-/// The page of a recording.
-pub(super) fn html(bag: &Path) -> anyhow::Result<String> {
+/// What the recording holds of the parts that are wanted.
+fn selected(
+    bag: &Path,
+    session: PartSession,
+    selection: &Selection,
+) -> anyhow::Result<PartSession> {
+    if !selection.is_given() {
+        return Ok(session);
+    }
+    let named = |one: &&PartReport, name: &str| one.part_id == name || run_of(one) == name;
+    let at = |one: &&PartReport| one.header.stamp.nanos();
+    let wanted = selection.of(shift_parts(&session), named, at);
+    if wanted.is_empty() {
+        let bag = bag.display();
+        bail!("{bag} contains no such part: `probecell report {bag}` lists those it contains");
+    }
+    let own = part_session(&session, &wanted);
+    Ok(PartSession {
+        losses: session.losses,
+        damage: session.damage,
+        ..own
+    })
+}
+
+fn write(file: &Path, page: &Page) -> anyhow::Result<()> {
+    fs::write(file, page.html()).with_context(|| format!("cannot write {}", file.display()))
+}
+
+/// The report of the shift, and beside it the page of each part in the folder `FILE_parts`.
+fn write_shift(session: &PartSession, parts: &[&PartReport], file: &Path) -> anyhow::Result<()> {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    // As it stands it is an address, too.
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "-._".contains(letter);
+    let stem = stem.replace(|letter: char| !is_plain(letter), "_");
+    let name = format!("{stem}_parts");
+    let folder = file.with_file_name(&name);
+    fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let of = |index: usize| format!("{:03}.html", index + 1);
+    for (index, part) in parts.iter().enumerate() {
+        write(&folder.join(of(index)), &record::of_part(session, part)?)?;
+    }
+    let link = |index| Some(format!("{name}/{}", of(index)));
+    write(file, &shift_page(session, &link)?)
+}
+
+/// The page of a recording, or of one of its parts, by its place among them.
+pub(super) fn html(bag: &Path, part: Option<usize>) -> anyhow::Result<String> {
     let (session, _) = record::read(bag)?;
-    Ok(record::page(bag, &session, &mut output::remark)?.html())
+    let parts = shift_parts(&session);
+    let page = match part.and_then(|index| parts.get(index)) {
+        Some(part) => record::of_part(&session, part)?,
+        None if parts.len() > 1 => shift_page(&session, &|index| Some(format!("?part={index}")))?,
+        None => record::page(bag, &session, &mut output::remark)?,
+    };
+    Ok(page.html())
 }
 
 #[cfg(test)]

@@ -1,108 +1,130 @@
-//! `probecell run`: requests a part of a running cell.
+//! `probecell run`: orders parts of a running cell.
 
 use std::{
+    collections::BTreeMap,
     path::Path,
     time::{Duration, Instant},
 };
 
-use graph::{Stamp, topics};
-use probecell_msgs::{PartReport, srv};
+use graph::topics;
+use probecell_msgs::{Order, OrderRequest, Orders, PartReport, srv};
 
+use super::orders::{SERVICE, listed, print_held};
 use crate::{
     FAILED, GOOD,
-    cell_client::{CellClient, Followed, print_reply},
+    cell_client::{CellClient, Followed},
     output,
 };
-
-/// s after which a request that no process took in the meantime starts nothing any more; shorter than the client waits.
-const VALIDITY: f64 = 8.0;
 
 /// While a part is made, the cell is asked so often whether it is still there.
 const PERIOD: Duration = Duration::from_secs(10);
 
-/// Calls the service `run`. The request expires, by the cell's own clock, before this command gives up.
-pub(crate) fn run(file: &Path, part: &str) -> anyhow::Result<u8> {
+/// Places an order. `wait`: prints how its parts end until one is not qualified.
+pub(crate) fn run(file: &Path, part: &str, count: u32, wait: bool) -> anyhow::Result<u8> {
     let client = CellClient::connect(file)?;
-    let response = request(&client, part)?;
-    client.close()?;
-    Ok(print_reply(response.accepted, &response.text))
-}
-
-/// Makes parts one after the other and prints how each ended, until one is not qualified.
-pub(crate) fn run_and_wait(file: &Path, part: &str, count: u32) -> anyhow::Result<u8> {
-    let client = CellClient::connect(file)?;
-    let reports = client.follow::<PartReport>(topics::PART_REPORTS)?;
-    let mut good = true;
-    for number in 1..=count {
-        let asked = now(&client)?;
-        let response = request(&client, part)?;
-        if !response.accepted {
-            output::line(&response.text);
-            good = false;
-            break;
-        }
-        let report = report_since(&client, &reports, part, asked)?;
-        let of = if count > 1 {
-            format!(" ({number} of {count})")
-        } else {
-            String::new()
-        };
-        let word = PartReport::word(report.verdict);
-        let passes = match report.passes {
-            1 => "1 machining pass".to_owned(),
-            passes => format!("{passes} machining passes"),
-        };
-        output::line(&format!(
-            "part {part}{of}: {word} after {passes}: {}",
-            report.text
-        ));
-        good = report.verdict == PartReport::QUALIFIED;
-        if !good {
-            break;
-        }
+    // Followed before the order is placed: none of its parts is missed.
+    let followed = if wait {
+        let reports = client.follow::<PartReport>(topics::PART_REPORTS)?;
+        Some((client.follow::<Orders>(topics::ORDERS)?, reports))
+    } else {
+        None
+    };
+    let request = srv::ManageOrdersRequest {
+        kind: OrderRequest::ADD,
+        part_id: part.to_owned(),
+        count,
+        ..srv::ManageOrdersRequest::default()
+    };
+    let placed = client.call::<srv::ManageOrders>(SERVICE, &request)?;
+    if !placed.accepted {
+        output::line(&placed.text);
+        client.close()?;
+        return Ok(FAILED);
     }
+    let id = placed.order_id;
+    let parts = if count == 1 { "part" } else { "parts" };
+    output::line(&format!("order {id}: {part}, {count} {parts}"));
+    if !placed.orders.held.is_empty() {
+        print_held(&placed.orders);
+    }
+    let good = match followed {
+        Some((orders, reports)) => wait_for(&client, id, count, &orders, &reports)?,
+        None => true,
+    };
     client.close()?;
     Ok(if good { GOOD } else { FAILED })
 }
 
-/// How the part that was asked for after an instant ended.
-fn report_since(
+/// Prints how the parts of an order end. False as soon as one is not qualified, or the order is cancelled.
+fn wait_for(
     client: &CellClient,
+    id: u64,
+    count: u32,
+    orders: &Followed<Orders>,
     reports: &Followed<PartReport>,
-    part: &str,
-    asked: Stamp,
-) -> anyhow::Result<PartReport> {
+) -> anyhow::Result<bool> {
+    // Runs of the order that are known, and whether each was reported.
+    let mut runs: BTreeMap<String, bool> = BTreeMap::new();
+    let (mut known, mut reported) = (listed(client)?, 0);
     loop {
-        match reports.next(Instant::now() + PERIOD)? {
-            Some(report)
-                if report.part_id == part
-                    && Stamp::from(&report.header.stamp) >= asked
-                    && !report.is_revocation() =>
-            {
-                return Ok(report);
+        let order = known.orders.iter().find(|one| one.order_id == id);
+        if let Some(order) = order.filter(|one| !one.run_id.is_empty()) {
+            runs.entry(order.run_id.clone()).or_default();
+        }
+        let current = order.filter(|one| one.state == Order::UNDERWAY);
+        let is_awaited = |(run, is_reported): (&String, &bool)| {
+            !is_reported && current.is_none_or(|one| one.run_id != *run)
+        };
+        let deadline = Instant::now() + PERIOD;
+        if runs.iter().any(is_awaited) {
+            match reports.next(deadline)? {
+                Some(report) if !report.is_revocation() => {
+                    let Some(is_reported) = runs.get_mut(&report.run_id) else {
+                        continue;
+                    };
+                    *is_reported = true;
+                    reported += 1;
+                    print(&report, reported, count);
+                    if report.verdict != PartReport::QUALIFIED {
+                        print_held(&listed(client)?);
+                        return Ok(false);
+                    }
+                }
+                Some(_) => {}
+                None if order.is_some_and(|one| one.state == Order::INTERRUPTED) => {
+                    print_held(&known);
+                    return Ok(false);
+                }
+                // A cell that is gone reports nothing any more.
+                None => known = listed(client)?,
             }
-            Some(_) => {}
-            // A cell that is gone reports nothing any more.
-            None => {
-                now(client)?;
+        } else if order.is_none() {
+            if reported < count {
+                output::line(&format!("order {id} was cancelled"));
             }
+            return Ok(reported == count);
+        } else {
+            known = match orders.next(deadline)? {
+                Some(orders) => orders,
+                None => listed(client)?,
+            };
         }
     }
 }
 
-/// By the clock of the cell.
-fn now(client: &CellClient) -> anyhow::Result<Stamp> {
-    let status = client.call::<srv::Status>("status", &srv::StatusRequest::default())?;
-    Ok(Stamp::from(&status.header.stamp))
-}
-
-/// Requests a part of the cell that a client is connected to.
-pub(crate) fn request(client: &CellClient, part: &str) -> anyhow::Result<srv::RunResponse> {
-    let request = srv::RunRequest {
-        part_id: part.to_owned(),
-        plan_id: String::new(),
-        expires: now(client)?.after_s(VALIDITY).time(),
-        ..srv::RunRequest::default()
+fn print(report: &PartReport, number: u32, count: u32) {
+    let of = if count > 1 {
+        format!(" ({number} of {count})")
+    } else {
+        String::new()
     };
-    client.call::<srv::Run>("run", &request)
+    let word = PartReport::word(report.verdict);
+    let passes = match report.passes {
+        1 => "1 machining pass".to_owned(),
+        passes => format!("{passes} machining passes"),
+    };
+    output::line(&format!(
+        "part {}{of}: {word} after {passes}: {}",
+        report.part_id, report.text
+    ));
 }

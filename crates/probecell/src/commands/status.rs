@@ -5,10 +5,10 @@ use std::{collections::BTreeSet, path::Path};
 use cell::TransportName;
 use graph::Stamp;
 use host::bus::{BusConfig, BusError};
-use probecell_msgs::{MachineState, PartReport, PartStatus, RecordingStatus, srv};
+use probecell_msgs::{MachineState, Orders, PartReport, PartStatus, RecordingStatus, srv};
 use serde_json::json;
 
-use super::dashboard::buses;
+use super::{dashboard::buses, orders};
 use crate::{
     FAILED, GOOD,
     cell_client::CellClient,
@@ -24,6 +24,7 @@ pub(crate) fn run(file: &Path, as_json: bool) -> anyhow::Result<u8> {
         status,
         waiting,
         last,
+        orders,
     } = match ask(file, !as_json) {
         Ok(answer) => answer,
         Err(error) => {
@@ -41,9 +42,13 @@ pub(crate) fn run(file: &Path, as_json: bool) -> anyhow::Result<u8> {
         && status.alarms.is_empty()
         && status.running.iter().all(|&running| running);
     if as_json {
-        output::json(&report(&status, &waiting))?;
+        let mut all = report(&status, &waiting);
+        all["orders"] = orders::json(&orders)["orders"].take();
+        all["held"] = orders.held.into();
+        output::json(&all)?;
     } else {
         print(&status, &waiting, last.as_ref(), file);
+        orders::print(&orders);
     }
     Ok(if sound { GOOD } else { FAILED })
 }
@@ -55,6 +60,7 @@ struct Asked {
     waiting: BTreeSet<String>,
     /// Where no part is being made: the one before.
     last: Option<PartReport>,
+    orders: Orders,
 }
 
 fn ask(file: &Path, with_last: bool) -> anyhow::Result<Asked> {
@@ -68,11 +74,13 @@ fn ask(file: &Path, with_last: bool) -> anyhow::Result<Asked> {
         PartStatus::NONE if with_last => client.last_part()?,
         _ => None,
     };
+    let orders = orders::listed(&client)?;
     client.close()?;
     Ok(Asked {
         status,
         waiting,
         last,
+        orders,
     })
 }
 

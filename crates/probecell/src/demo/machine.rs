@@ -26,7 +26,6 @@ use crate::{
     commands::{
         adopt,
         diagnose_refine::{Step, refine},
-        run::request,
         running_cell::complete,
     },
 };
@@ -95,7 +94,11 @@ fn first_part(
         cell: client.cell(),
         has_reference: hidden::has_reference(file)?,
     };
-    let begun = request(&client, &client.cell().cell.part)?;
+    let request = srv::RunRequest {
+        part_id: client.cell().cell.part.clone(),
+        ..srv::RunRequest::default()
+    };
+    let begun = client.call::<srv::Run>("run", &request)?;
     if !begun.accepted {
         bail!(CellFailure(begun.text));
     }

@@ -6,6 +6,7 @@
 //! | [`action`] | what all actions have: goals, statuses, results, cancels |
 //! | [`run_action`], [`plan_action`] | `run` and `plan` as actions |
 //! | [`state`] | what was received, by the callbacks of the bus |
+//! | [`orders`] | the orders on disk, and the service `manage_orders` |
 //! | [`keys`] | the operators' keys in force, signed by the cell's |
 //! | [`console`] | what a person reads while a part is made |
 //! | [`diagnostics`], [`health`] | `/diagnostics`, and faults of processes that ended |
@@ -16,6 +17,7 @@ mod console;
 mod diagnostics;
 mod health;
 mod keys;
+pub(crate) mod orders;
 mod plan_action;
 pub(crate) mod private;
 mod run_action;
@@ -39,7 +41,7 @@ use host::{
 };
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, GapReport, LossReport, MachineState, Message,
-    OperatorReply, OperatorRequest, PartReport, PartStatus, PassDecision, PlanProgress,
+    OperatorReply, OperatorRequest, Orders, PartReport, PartStatus, PassDecision, PlanProgress,
     RecordingStatus, Verdict, from_cdr, std_msgs, to_cdr,
 };
 
@@ -105,10 +107,12 @@ impl Operator {
             requests,
             subscriptions: Vec::new(),
         };
+        orders::keep(&operator.bus, cell, &operator.state)?;
         operator.subscribe_to_all(&cell.text().name)?;
         let relayed = transforms::relay(&operator.bus, cell)?;
         operator.subscriptions.extend(relayed);
-        let services = services::all(&operator.requests);
+        let mut services = services::all(&operator.requests);
+        services.push(orders::service(&operator.requests));
         operator.servers = services::serve(&operator.bus, &operator.namespace, &services)?;
         if let Some(listener) = private {
             let answered = private::all(&services, &operator.state);
@@ -169,6 +173,12 @@ impl Operator {
             state.last = Some(part.clone());
             state.part = Some(part);
         })?;
+        self.subscribe(topics::ORDERS, |state, orders: Orders| {
+            if let Some(keep) = &state.on_orders {
+                // The thread of the file ends with the process only.
+                drop(keep.send(orders));
+            }
+        })?;
         self.subscribe(topics::LOSS_REPORTS, |state, loss: LossReport| {
             state.health.loss(&loss);
         })?;
@@ -191,6 +201,7 @@ impl Operator {
             topics::PLAN_REPLIES,
             topics::RUN_REPLIES,
             topics::STOP_REPLIES,
+            topics::ORDER_REPLIES,
             topics::APPROVAL_REPLIES,
         ] {
             self.subscribe(topic, move |state, reply: OperatorReply| {

@@ -14,7 +14,7 @@ use super::{
 };
 
 /// Services of the bus that are answered here too.
-const SHARED: [&str; 3] = ["status", "stop", "approve_correction"];
+const SHARED: [&str; 4] = ["status", "stop", "approve_correction", "manage_orders"];
 /// Corrections that wait for an operator, and the last part: of each a list of messages, see [`list`].
 pub(crate) const PROPOSALS: &str = "proposals";
 pub(crate) const LAST_PART: &str = "last_part";

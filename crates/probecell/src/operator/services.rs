@@ -17,8 +17,8 @@ use host::{
     sim_time::SimulatedClock,
 };
 use probecell_msgs::{
-    InspectionPoint, OperatorReply, OperatorRequest, Service, ServiceType,
-    builtin_interfaces::Time, from_cdr, srv, std_msgs, to_cdr,
+    InspectionPoint, Message, OperatorReply, OperatorRequest, OrderRequest, Orders, Service,
+    ServiceType, builtin_interfaces::Time, from_cdr, srv, std_msgs, to_cdr,
 };
 
 use super::state::{OperatorState, lock};
@@ -48,6 +48,7 @@ pub(super) struct RequestPublishers {
     run: Publisher,
     stop: Publisher,
     approve: Publisher,
+    orders: Publisher,
     state: Arc<Mutex<OperatorState>>,
     clock: Option<Arc<SimulatedClock>>,
 }
@@ -68,6 +69,7 @@ impl RequestPublishers {
             run: publisher(topics::RUN_REQUESTS)?,
             stop: publisher(topics::STOP_REQUESTS)?,
             approve: publisher(topics::APPROVALS)?,
+            orders: publisher(topics::ORDER_REQUESTS)?,
             state: Arc::clone(state),
             clock,
         })
@@ -94,6 +96,22 @@ impl RequestPublishers {
             name if name == topics::STOP_REPLIES.name => (topics::STOP_REQUESTS, &self.stop),
             _ => (topics::APPROVALS, &self.approve),
         };
+        self.publish((topic, publisher), reply_topic, |header, request_id| {
+            OperatorRequest {
+                header,
+                request_id,
+                ..request
+            }
+        })
+    }
+
+    /// Publishes a request under a number of its own.
+    fn publish<M: Message>(
+        &self,
+        (topic, publisher): (Topic, &Publisher),
+        reply_topic: &'static str,
+        request: impl FnOnce(std_msgs::Header, u64) -> M,
+    ) -> Result<Asked, String> {
         // It does not age on its way.
         if let Some(clock) = &self.clock {
             clock.publishing(topic.name);
@@ -107,23 +125,60 @@ impl RequestPublishers {
             request_id
         };
         let instant = host::now();
-        let header = std_msgs::Header {
-            stamp: instant.time(),
-            frame_id: String::new(),
-        };
-        let request = OperatorRequest {
-            header,
-            request_id,
-            ..request
-        };
         publisher
-            .publish(to_cdr(&request), instant.0)
+            .publish(to_cdr(&request(instant.header(""), request_id)), instant.0)
             .map_err(|error| error.to_string())?;
         Ok(Asked {
             reply_topic,
             request_id,
             receiver,
         })
+    }
+
+    /// The orders that are on disk.
+    pub(super) fn orders(&self) -> Orders {
+        lock(&self.state).orders.clone()
+    }
+
+    /// Changes the orders, unless they are only to be listed; gives the number of the order, which a new one gets here.
+    pub(super) fn manage_orders(
+        &self,
+        asked: srv::ManageOrdersRequest,
+    ) -> Result<(u64, OperatorReply), String> {
+        if asked.kind == 0 {
+            let accepted = true;
+            return Ok((
+                0,
+                OperatorReply {
+                    accepted,
+                    ..OperatorReply::default()
+                },
+            ));
+        }
+        let order_id = match asked.kind {
+            OrderRequest::ADD => {
+                let mut state = lock(&self.state);
+                state.last_order = state.last_order.max(state.orders.last_id) + 1;
+                state.last_order
+            }
+            _ => asked.order_id,
+        };
+        let (way, replies) = (
+            (topics::ORDER_REQUESTS, &self.orders),
+            topics::ORDER_REPLIES.name,
+        );
+        let sent = self.publish(way, replies, |header, request_id| OrderRequest {
+            header,
+            request_id,
+            kind: asked.kind,
+            order_id,
+            part_id: asked.part_id,
+            count: asked.count,
+            position: asked.position,
+            operator_name: asked.operator_name,
+            expires: expiry().time(),
+        })?;
+        Ok((order_id, self.wait(sent)?))
     }
 
     /// Waits for the reply to a call.
@@ -156,6 +211,21 @@ pub(super) struct Offered {
     pub(super) answering: Answering,
 }
 
+impl Offered {
+    /// One whose answer is made here of the bytes of a request.
+    pub(super) fn answered_here<S: Service>(
+        name: &'static str,
+        answer: impl Fn(&[u8]) -> Vec<u8> + Send + Sync + 'static,
+    ) -> Self {
+        let (kind, answering) = (S::TYPE, Arc::new(answer));
+        Self {
+            name,
+            kind,
+            answering,
+        }
+    }
+}
+
 /// `plan`, `run`, `stop`, `status` and `approve_correction`.
 pub(super) fn all(requests: &Arc<RequestPublishers>) -> Vec<Offered> {
     let state = Arc::clone(&requests.state);
@@ -185,11 +255,7 @@ pub(super) fn all(requests: &Arc<RequestPublishers>) -> Vec<Offered> {
             |accepted, text| srv::StopResponse { accepted, text },
         ),
         // Answered here: what was received is known, and nothing is asked of a node.
-        Offered {
-            name: "status",
-            kind: srv::Status::TYPE,
-            answering: Arc::new(move |_| to_cdr(&lock(&state).status())),
-        },
+        Offered::answered_here::<srv::Status>("status", move |_| to_cdr(&lock(&state).status())),
         offered::<srv::ApproveCorrection>(
             ("approve_correction", topics::APPROVAL_REPLIES),
             requests,
@@ -267,9 +333,5 @@ fn offered<S: Service>(
         };
         to_cdr(&to_response(accepted, text))
     };
-    Offered {
-        name,
-        kind: S::TYPE,
-        answering: Arc::new(answering),
-    }
+    Offered::answered_here::<S>(name, answering)
 }

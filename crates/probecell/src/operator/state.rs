@@ -8,7 +8,8 @@ use std::{
 
 use cell::Cell;
 use probecell_msgs::{
-    OperatorReply, PartReport, PartStatus, PassDecision, PlanProgress, Verdict, srv, std_msgs,
+    OperatorReply, Orders, PartReport, PartStatus, PassDecision, PlanProgress, Verdict, srv,
+    std_msgs,
 };
 
 use super::{
@@ -72,6 +73,12 @@ pub(super) struct OperatorState {
     pub(super) on_part: Option<Box<dyn Fn(PartNews) + Send>>,
     /// How the action `plan` takes how far an order has come; must not block.
     pub(super) on_progress: Option<Box<dyn Fn(PlanProgress) + Send>>,
+    /// The orders that are on disk.
+    pub(super) orders: Orders,
+    /// Number of the order placed last; one that was refused had one too.
+    pub(super) last_order: u64,
+    /// Who writes the orders to disk.
+    pub(super) on_orders: Option<Sender<Orders>>,
     /// When diagnostics were published last.
     pub(super) diagnosed: Option<Instant>,
 }

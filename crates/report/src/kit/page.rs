@@ -1,6 +1,6 @@
 //! The page: blocks in the order in which they are added, and the few styles that screen and paper need.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fmt::Write;
 
 use super::{
@@ -46,6 +46,8 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
     /// Numbers of rows that ask for attention.
     pub marked: BTreeSet<usize>,
+    /// Addresses to which the first cells of rows lead, by number of the row.
+    pub links: BTreeMap<usize, String>,
 }
 
 impl Table {
@@ -71,8 +73,12 @@ const KEPT_WHOLE: usize = 20;
 const MOVED_WHOLE: usize = 12;
 /// Most columns that a phone or tablet shows side by side; of a wider table each row is a block of names and values there.
 const NARROW: usize = 4;
-/// Characters on a line of plain text; a wider table is printed row by row.
-const LINE: usize = 140;
+/// Characters of a quantity that a phone does not break either.
+const BRIEF: usize = 8;
+/// Characters on a line of plain text; a wider table is printed row by row, where its last column has no room to go on below itself.
+const LINE: usize = 100;
+/// Least width of a column that goes on below itself.
+const LEAST: usize = 30;
 
 /// Light or dark as the reader's system has it; on paper always light. Pictures are drawn for white: in the dark their
 /// lightness is turned over and their hues are kept.
@@ -92,7 +98,8 @@ figcaption { font-size: .85rem; color: var(--quiet); max-width: 46rem; } .plots 
 .marked td:first-child { font-weight: 600; border-left: 4px solid currentColor; padding-left: .4rem; }
 .lead { font-size: 1.1rem; } li { margin: .2rem 0; }
 @media screen and (max-width: 40rem) {
-body { overflow-wrap: anywhere; } td.quantity { white-space: normal; } table { font-size: .85rem; } th, td { padding-right: .4rem; }
+body { overflow-wrap: anywhere; } td.quantity:not(.brief) { white-space: normal; } table { font-size: .85rem; } th, td { padding-right: .4rem; }
+th { overflow-wrap: normal; } td:first-child { min-width: 5.5rem; }
 }
 @media screen and (max-width: 56rem) {
 .wide, .wide tbody, .wide tr, .wide caption { display: block; } .wide thead { display: none; } .wide tr { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 15rem), 1fr)); column-gap: 1rem; border-bottom: 1px solid var(--rule); padding: .3rem 0; }
@@ -286,12 +293,18 @@ impl Block {
                 put(text, format_args!("\n{name}\n{line}\n"));
             }
             Self::Lead(words) | Self::Paragraph(words) => {
-                put(text, format_args!("\n{}\n", plain(words)));
+                text.push('\n');
+                for line in broken(&plain(words), LINE) {
+                    put(text, format_args!("{line}\n"));
+                }
             }
             Self::List(items) => {
                 text.push('\n');
                 for item in items {
-                    put(text, format_args!("- {}\n", plain(item)));
+                    for (number, line) in broken(&plain(item), LINE - 2).iter().enumerate() {
+                        let mark = if number == 0 { "- " } else { "  " };
+                        put(text, format_args!("{mark}{line}\n"));
+                    }
                 }
             }
             Self::Table(table) => table.text(text),
@@ -342,15 +355,17 @@ impl Table {
                 let label = name.map_or(String::new(), |name| {
                     format!(" data-label=\"{}\"", escaped(name))
                 });
-                let class = if is_quantity(cell) {
-                    " class=\"quantity\""
-                } else {
-                    ""
+                let class = match (is_quantity(cell), cell.chars().count()) {
+                    (true, ..=BRIEF) => " class=\"quantity brief\"",
+                    (true, _) => " class=\"quantity\"",
+                    (false, _) => "",
                 };
-                put(
-                    body,
-                    format_args!("<td{class}{label}>{}</td>", escaped(cell)),
-                );
+                let text = escaped(cell);
+                let link = self.links.get(&row).filter(|_| column == 0);
+                let text = link.map_or(text.clone(), |to| {
+                    format!("<a href=\"{}\">{text}</a>", escaped(to))
+                });
+                put(body, format_args!("<td{class}{label}>{text}</td>"));
             }
             body.push_str("</tr>\n");
         }
@@ -371,6 +386,12 @@ impl Table {
                 *width = cell.chars().count().max(*width);
             }
         }
+        if let Some((last, others)) = widths.split_last_mut() {
+            let indent = others.iter().map(|width| width + 2).sum::<usize>() + 2;
+            if indent + LEAST <= LINE {
+                *last = (*last).min(LINE - indent);
+            }
+        }
         text.push('\n');
         if !self.caption.is_empty() {
             put(text, format_args!("{}\n", plain(&self.caption)));
@@ -388,13 +409,34 @@ impl Table {
             return;
         }
         for row in &rows {
-            let padded = row.iter().zip(&widths);
-            let line: Vec<String> = padded
-                .map(|(cell, width)| format!("{cell:<width$}", width = width.min(&LINE)))
+            let mut below: Vec<VecDeque<String>> = (row.iter().zip(&widths))
+                .map(|(cell, width)| broken(cell, *width))
                 .collect();
-            put(text, format_args!("  {}\n", line.join("  ").trim_end()));
+            while below.iter().any(|lines| !lines.is_empty()) {
+                let next = below.iter_mut().zip(&widths).map(|(lines, width)| {
+                    let cell = lines.pop_front().unwrap_or_default();
+                    format!("{cell:<width$}", width = width.min(&LINE))
+                });
+                let line = next.collect::<Vec<_>>().join("  ");
+                put(text, format_args!("  {}\n", line.trim_end()));
+            }
         }
     }
+}
+
+/// A cell in lines of that width; a word that is longer stays whole.
+fn broken(cell: &str, width: usize) -> VecDeque<String> {
+    let mut lines: VecDeque<String> = VecDeque::new();
+    for word in cell.split(' ') {
+        match lines.back_mut() {
+            Some(last) if last.chars().count() + 1 + word.chars().count() <= width => {
+                last.push(' ');
+                last.push_str(word);
+            }
+            _ => lines.push_back(word.to_owned()),
+        }
+    }
+    lines
 }
 
 /// A number with its unit, or two limits: not to be broken into lines.
@@ -428,7 +470,8 @@ mod tests {
         table.row(vec!["cell".to_owned(), "turn_mill".to_owned()]);
         let mut text = String::new();
         table.text(&mut text);
-        assert!(text.contains(long.trim_end()));
+        assert_eq!(text.matches("punch_1/finish/1").count(), 10_000);
+        assert!(text.lines().all(|line| line.chars().count() <= LINE));
         assert!(
             text.ends_with("  cell          turn_mill\n"),
             "{:?}",

@@ -15,13 +15,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::kit::{Page, PlotError, Table};
 use ::diagnosis::Report;
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, LossReport,
-    OperatorReply, OperatorRequest, PartAlignment, PartReport, PassDecision, TouchDeviation,
-    Verdict, builtin_interfaces::Time,
+    Correction, CorrectionAcknowledgement, Fault, FeatureResult, GapReport, InspectionPlan,
+    LossReport, OperationRequest, OperatorReply, OperatorRequest, PartAlignment, PartReport,
+    PassDecision, TouchDeviation, Verdict, builtin_interfaces::Time,
 };
 
+pub(super) use references::record;
 pub use references::{SizeRecord, size_records};
+pub(super) use tables::subject;
 pub use tables::table_entries;
+pub(super) use wording::{between, um, um_size};
 
 use crate::pages::{conclusion, diagnosis::next};
 
@@ -58,6 +61,10 @@ pub struct PartSession {
     pub corrections: Vec<Correction>,
     /// What became of them at the machine.
     pub acknowledgements: Vec<CorrectionAcknowledgement>,
+    /// What the machine was asked to do.
+    pub operations: Vec<OperationRequest>,
+    /// Diagnoses of the running cell.
+    pub gaps: Vec<GapReport>,
     /// Parts that operators asked for.
     pub runs: Vec<OperatorRequest>,
     /// Approvals and rejections by operators.
@@ -127,7 +134,7 @@ pub fn part_page(session: &PartSession, diagnosis: ShortDiagnosis<'_>) -> Result
 }
 
 /// Keeps the latest result wherever points of a plan were measured again.
-fn latest(session: &PartSession) -> PartSession {
+pub(super) fn latest(session: &PartSession) -> PartSession {
     let mut session = session.clone();
     let feature = |one: &FeatureResult| (one.plan_id.clone(), one.feature_id.clone());
     let size = |one: &Verdict| (one.plan_id.clone(), one.feature_id.clone());
@@ -368,7 +375,7 @@ fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
 }
 
 /// UTC, to the second.
-fn time(stamp: Time) -> String {
+pub(super) fn time(stamp: Time) -> String {
     readable(&humantime::format_rfc3339_seconds(stamp.into()).to_string())
 }
 

@@ -190,7 +190,10 @@ fn tables_have_heads_and_only_long_ones_go_on_overleaf() {
         assert!(html.contains(opening), "{rows} rows");
         let (head, body) = html.split_once("</thead>").expect("a head");
         assert!(head.contains("<th>point</th>") && !head.contains("<td>"));
-        assert_eq!(body.matches("<td class=\"quantity\">").count(), 2 * rows);
+        assert_eq!(
+            body.matches("<td class=\"quantity brief\">").count(),
+            2 * rows
+        );
     }
     assert!(with(1).contains("<h2>Touches</h2>"));
     let mut bare = Page::new("t");
@@ -234,9 +237,19 @@ fn plain_text_says_what_the_page_says() {
     let mut page = Page::new("t");
     page.table(&wide);
     let text = page.text();
-    assert!(text.contains("  - node: cycle [31m\n"), "{text:?}");
-    assert!(text.contains("    what: long long"), "{text:?}");
+    assert!(text.contains("  cycle [31m  long long"), "{text:?}");
+    assert!(
+        text.contains("\n              long long"),
+        "it goes on below: {text:?}"
+    );
     assert!(!text.contains('\u{1b}'));
+    let mut wide = Table::new("Faults", &["node", "what"]);
+    wide.row(vec!["long ".repeat(20), "late".to_owned()]);
+    let mut page = Page::new("t");
+    page.table(&wide);
+    let text = page.text();
+    assert!(text.contains("  - node: long long"), "{text:?}");
+    assert!(text.contains("    what: late"), "{text:?}");
 }
 
 /// The plain text of a page, whole.

@@ -33,7 +33,10 @@ pub fn size_records(session: &PartSession) -> Vec<SizeRecord<'_>> {
 }
 
 /// One size of it.
-pub(super) fn record<'a>(session: &'a PartSession, result: &'a FeatureResult) -> SizeRecord<'a> {
+pub(in crate::pages) fn record<'a>(
+    session: &'a PartSession,
+    result: &'a FeatureResult,
+) -> SizeRecord<'a> {
     let same = |plan_id: &str, feature_id: &str| {
         plan_id == result.plan_id && feature_id == result.feature_id
     };

@@ -308,7 +308,7 @@ pub(super) fn corrections(session: &PartSession, plan_id: &str) -> Table {
     table
 }
 
-pub(super) fn subject(correction: &Correction) -> String {
+pub(in crate::pages) fn subject(correction: &Correction) -> String {
     match correction.kind {
         Correction::TOOL_WEAR => format!("wear of tool {}", correction.tool_number),
         Correction::WORK_OFFSET => format!("work offset of {}", correction.axis),

@@ -3,17 +3,17 @@
 use probecell_msgs::Verdict;
 
 /// A deviation in µm with its sign, to 0.1 µm.
-pub(super) fn um(metres: f64) -> String {
+pub(in crate::pages) fn um(metres: f64) -> String {
     fixed(metres * 1e6, 1, "µm", true)
 }
 
 /// A size of an uncertainty or a form in µm.
-pub(super) fn um_size(metres: f64) -> String {
+pub(in crate::pages) fn um_size(metres: f64) -> String {
     fixed(metres * 1e6, 1, "µm", false)
 }
 
 /// Two limits, m.
-pub(super) fn between(lower: f64, upper: f64) -> String {
+pub(in crate::pages) fn between(lower: f64, upper: f64) -> String {
     if lower == -upper {
         format!("± {}", um_size(upper))
     } else {
