@@ -89,15 +89,8 @@ impl Session {
     /// # Errors
     /// [`SessionError`] says what the bag lacks or contradicts.
     pub fn read_measurement(bag: &Bag, measurement: &Measurement) -> Result<Self, SessionError> {
-        let mut found = namespaces(bag);
-        match (found.pop(), found.is_empty()) {
-            (None, _) => Err(with_damage(SessionError::NoCell, &bag.verify())),
-            (Some(namespace), true) => Self::read_in(bag, &namespace, measurement),
-            (Some(last), false) => {
-                found.push(last);
-                Err(SessionError::SeveralCells(found.join(", ")))
-            }
-        }
+        let namespace = only_namespace(bag)?;
+        Self::read_in(bag, &namespace, measurement)
     }
 
     /// The measuring orders of its plan; none where the bag holds no such topic. Damage is left to [`Session::damage`].
@@ -147,15 +140,98 @@ impl Session {
         measurement: &Measurement,
         damage: &mut Vec<Damage>,
     ) -> Result<Self, SessionError> {
+        let cell = CellRecord::read(bag, namespace, damage)?;
+        let topic = cell.topic("inspection_plan");
+        let plan = choose(&topic, &cell.plans, &cell.events, measurement)?;
+        let mut session = cell.measurement(plan)?;
+        let stamps = session.events.iter().map(|event| event.log_time);
+        let (from, to) = stamps.fold((u64::MAX, 0), |(from, to), at| (from.min(at), to.max(at)));
+        // What moves while nothing is touched is of no measurement; a drive session is nothing else.
+        let during = match &session.plan {
+            Some(_) => (from.saturating_sub(BESIDE), to.saturating_add(BESIDE)),
+            None => (0, u64::MAX),
+        };
+        session.joint_states = samples(bag, &cell.topic("joint_states"), during, damage)?;
+        session.joint_commands = samples(bag, &cell.topic("joint_commands"), during, damage)?;
+        check_joints(&cell.topic("joint_states"), &session.joint_states)?;
+        check_joints(&cell.topic("joint_commands"), &session.joint_commands)?;
+        session.machine_states = cell.machine_states(bag, during, MAX_TURNING, damage)?;
+        if session.plan.is_none()
+            && (!session.events.is_empty()
+                || session.joint_states.is_empty()
+                || probing_was_meant(bag, namespace))
+        {
+            return Err(SessionError::NoPlan(topic));
+        }
+        Ok(session)
+    }
+
+    /// Gives every measurement of the only cell of a bag to `take`, in the order of the plans: what was read of it, or why it
+    /// cannot be used. Its axes are those latched at the touches: `joint_states` holds the first of the bag alone, and
+    /// `machine_states`, which `take` gets once and all have in common, where temperatures or the spindle turn.
+    ///
+    /// # Errors
+    /// [`SessionError`] says what the bag lacks or contradicts as a whole.
+    pub fn each_measurement(
+        bag: &Bag,
+        mut take: impl FnMut(&str, Result<Self, SessionError>, &[Stamped<MachineState>]),
+    ) -> Result<Vec<Damage>, SessionError> {
+        let namespace = only_namespace(bag)?;
+        let mut damage = bag.damage();
+        let read = |damage: &mut Vec<Damage>| {
+            let cell = CellRecord::read(bag, &namespace, damage)?;
+            let first = samples(bag, &cell.topic("joint_states"), (0, 0), damage)?;
+            let states = cell.machine_states(bag, (0, 0), MAX_COMMON, damage)?;
+            Ok((cell, first, states))
+        };
+        let (cell, first, states) =
+            read(&mut damage).map_err(|problem| with_damage(problem, &damage))?;
+        for (index, plan) in cell.plans.iter().enumerate() {
+            let id = plan.plan_id.as_str();
+            if cell.plans[..index].iter().any(|known| known.plan_id == id) {
+                let problem = SessionError::SeveralPlans {
+                    topic: cell.topic("inspection_plan"),
+                    plans: vec![id.to_owned(), id.to_owned()],
+                };
+                take(id, Err(problem), &states);
+                continue;
+            }
+            let session = cell.measurement(Some(plan)).map(|session| Self {
+                joint_states: first.clone(),
+                ..session
+            });
+            take(id, session, &states);
+        }
+        Ok(damage)
+    }
+}
+
+/// Samples this long before the first and after the last touch of a measurement belong to it, ns.
+const BESIDE: u64 = 60_000_000_000;
+/// Most machine states that are kept outside a measurement, and most that all measurements share.
+const MAX_TURNING: usize = 10_000;
+const MAX_COMMON: usize = 1_000;
+
+/// What a bag holds of a cell but the samples over time.
+struct CellRecord {
+    namespace: String,
+    robot_description: String,
+    /// Those that differ.
+    plans: Vec<InspectionPlan>,
+    events: Vec<Stamped<ProbeEvent>>,
+    /// The run of the driver of each event.
+    runs: Vec<usize>,
+    missing: Vec<Missing>,
+    references: Vec<Stamped<ReferenceMeasurement>>,
+}
+
+impl CellRecord {
+    fn read(bag: &Bag, namespace: &str, damage: &mut Vec<Damage>) -> Result<Self, SessionError> {
         let topic = |name: &str| format!("{namespace}/{name}");
         let descriptions = collect::<std_msgs::String>(bag, &topic("robot_description"), damage)?;
-        let joint_states = collect::<JointState>(bag, &topic("joint_states"), damage)?;
-        let joint_commands = collect::<JointState>(bag, &topic("joint_commands"), damage)?;
-        let machine_states = collect::<MachineState>(bag, &topic("machine_state"), damage)?;
         let plans = collect::<InspectionPlan>(bag, &topic("inspection_plan"), damage)?;
         let events = collect::<ProbeEvent>(bag, &topic("probe_events"), damage)?;
-        let mut references = collect::<ReferenceMeasurement>(bag, &topic("reference"), damage)?;
-
+        let references = collect::<ReferenceMeasurement>(bag, &topic("reference"), damage)?;
         let mut models = distinct(descriptions);
         if models.len() > 1 {
             let count = models.len();
@@ -172,60 +248,146 @@ impl Session {
         let runs = runs(&events, &triggers.unwrap_or_default());
         let missing = check_numbers(&events, &runs)?;
         let plans = distinct(plans);
-        let several = plans.len() > 1;
-        if several {
+        if plans.len() > 1 {
             check_plans(&plans, &events)?;
-        }
-        let plan = choose(&topic("inspection_plan"), plans, &events, measurement)?;
-        let mut events: Vec<(Stamped<ProbeEvent>, usize)> = events.into_iter().zip(runs).collect();
-        if let Some(plan) = plan.as_ref().filter(|_| several) {
-            events.retain(|(event, _)| event.message.plan_id == plan.plan_id);
-            references.retain(|reference| reference.message.plan_id == plan.plan_id);
-        }
-        let (of_plan, last) = (events.len(), events.last().map(|(_, run)| *run));
-        events.retain(|(_, run)| Some(*run) == last);
-        let events: Vec<Stamped<ProbeEvent>> = events.into_iter().map(|(event, _)| event).collect();
-        let void = of_plan - events.len();
-        check_machine(&topic("machine_state"), &machine_states)?;
-        check_joints(&topic("joint_states"), &joint_states)?;
-        check_joints(&topic("joint_commands"), &joint_commands)?;
-        match &plan {
-            Some(plan) => {
-                check_plan(&topic("inspection_plan"), plan)?;
-                check_events(&topic("probe_events"), plan, &events)?;
-            }
-            None if !events.is_empty()
-                || joint_states.is_empty()
-                || probing_was_meant(bag, namespace) =>
-            {
-                return Err(SessionError::NoPlan(topic("inspection_plan")));
-            }
-            None => {}
         }
         for (index, reference) in references.iter().enumerate() {
             let message = &reference.message;
             finite(&topic("reference"), index, "deviation", &message.deviation)?;
+            let uncertainty = [message.standard_uncertainty];
             finite(
                 &topic("reference"),
                 index,
                 "standard_uncertainty",
-                &[message.standard_uncertainty],
+                &uncertainty,
             )?;
         }
         Ok(Self {
             namespace: namespace.to_owned(),
             robot_description: model.data,
-            plan,
+            plans,
             events,
-            joint_states,
-            joint_commands,
-            machine_states,
-            references,
+            runs,
             missing,
-            void,
+            references,
+        })
+    }
+
+    fn topic(&self, name: &str) -> String {
+        format!("{}/{name}", self.namespace)
+    }
+
+    /// The measurement of a plan, without samples over time.
+    fn measurement(&self, plan: Option<&InspectionPlan>) -> Result<Session, SessionError> {
+        let several = self.plans.len() > 1;
+        let is_own = |id: &str| plan.is_none_or(|plan| !several || plan.plan_id == id);
+        let own = |(event, run): (&Stamped<ProbeEvent>, &usize)| {
+            is_own(&event.message.plan_id).then(|| (event.clone(), *run))
+        };
+        let mut events: Vec<_> = self.events.iter().zip(&self.runs).filter_map(own).collect();
+        let (of_plan, last) = (events.len(), events.last().map(|(_, run)| *run));
+        events.retain(|(_, run)| Some(*run) == last);
+        let events: Vec<Stamped<ProbeEvent>> = events.into_iter().map(|(event, _)| event).collect();
+        if let Some(plan) = plan {
+            check_plan(&self.topic("inspection_plan"), plan)?;
+            check_events(&self.topic("probe_events"), plan, &events)?;
+        }
+        let references = self.references.iter();
+        Ok(Session {
+            namespace: self.namespace.clone(),
+            robot_description: self.robot_description.clone(),
+            plan: plan.cloned(),
+            void: of_plan - events.len(),
+            events,
+            joint_states: Vec::new(),
+            joint_commands: Vec::new(),
+            machine_states: Vec::new(),
+            references: references
+                .filter(|reference| is_own(&reference.message.plan_id))
+                .cloned()
+                .collect(),
+            missing: self.missing.clone(),
             damage: Vec::new(),
         })
     }
+
+    /// The machine states received `during` some log times; before and after them those at which a temperature or the spindle
+    /// turns, whose effect goes on, so many at most: beyond, every second one goes.
+    fn machine_states(
+        &self,
+        bag: &Bag,
+        during: (u64, u64),
+        limit: usize,
+        damage: &mut Vec<Damage>,
+    ) -> Result<Vec<Stamped<MachineState>>, SessionError> {
+        let topic = self.topic("machine_state");
+        let mut kept: Vec<Stamped<MachineState>> = Vec::new();
+        let mut turning = 0;
+        // The last two: whether the earlier one turns shows with the next.
+        let (mut last, mut turned) = (None::<Stamped<MachineState>>, true);
+        let is_during = |one: &Stamped<MachineState>| (during.0..=during.1).contains(&one.log_time);
+        let mut keep = |one: Stamped<MachineState>, turns: bool| {
+            if is_during(&one) {
+                kept.push(one);
+            } else if turns {
+                kept.push(one);
+                turning += 1;
+                if turning > limit {
+                    let mut number = 0;
+                    kept.retain(|one| {
+                        number += usize::from(!is_during(one));
+                        is_during(one) || number % 2 == 1
+                    });
+                    turning = turning.div_ceil(2);
+                }
+            }
+        };
+        let mut index = 0;
+        each(bag, &topic, (0, u64::MAX), damage, |state| {
+            check_machine(&topic, index, &state)?;
+            index += 1;
+            let turns = last.as_ref().is_some_and(|last: &Stamped<MachineState>| {
+                !last.message.drives_as(&state.message)
+            });
+            if let Some(last) = last.replace(state) {
+                keep(last, turns || turned);
+            }
+            turned = turns || index == 1;
+            Ok(true)
+        })?;
+        if let Some(last) = last {
+            keep(last, true);
+        }
+        Ok(kept)
+    }
+}
+
+/// The samples of a topic received `during` some log times, and the first of all, from which time is counted.
+fn samples(
+    bag: &Bag,
+    topic: &str,
+    during: (u64, u64),
+    damage: &mut Vec<Damage>,
+) -> Result<Vec<Stamped<JointState>>, SessionError> {
+    let mut found = Vec::new();
+    each(bag, topic, (0, u64::MAX), damage, |first| {
+        found.push(first);
+        Ok(false)
+    })?;
+    let Some(begin) = found.first().map(|first| first.log_time) else {
+        return Ok(found);
+    };
+    if during.1 < begin {
+        return Ok(found);
+    }
+    if during.0 <= begin {
+        found.clear();
+    }
+    each(bag, topic, during, damage, |sample| {
+        found.push(sample);
+        Ok(true)
+    })?;
+    Ok(found)
 }
 
 fn with_damage(problem: SessionError, damage: &[Damage]) -> SessionError {
@@ -235,6 +397,19 @@ fn with_damage(problem: SessionError, damage: &[Damage]) -> SessionError {
             damage: damage.clone(),
         },
         None => problem,
+    }
+}
+
+/// The namespace of the only cell of a bag.
+fn only_namespace(bag: &Bag) -> Result<String, SessionError> {
+    let mut found = namespaces(bag);
+    match (found.pop(), found.is_empty()) {
+        (None, _) => Err(with_damage(SessionError::NoCell, &bag.verify())),
+        (Some(namespace), true) => Ok(namespace),
+        (Some(last), false) => {
+            found.push(last);
+            Err(SessionError::SeveralCells(found.join(", ")))
+        }
     }
 }
 
@@ -268,21 +443,40 @@ fn collect<T: Message>(
     topic: &str,
     damage: &mut Vec<Damage>,
 ) -> Result<Vec<Stamped<T>>, SessionError> {
+    let mut messages = Vec::new();
+    each(bag, topic, (0, u64::MAX), damage, |message| {
+        messages.push(message);
+        Ok(true)
+    })?;
+    Ok(messages)
+}
+
+/// Gives the messages of a topic received `during` some log times to `take` until it answers false.
+fn each<T: Message>(
+    bag: &Bag,
+    topic: &str,
+    during: (u64, u64),
+    damage: &mut Vec<Damage>,
+    mut take: impl FnMut(Stamped<T>) -> Result<bool, SessionError>,
+) -> Result<(), SessionError> {
     let typed = match bag.typed::<T>(topic) {
-        Ok(typed) => typed,
-        Err(Error::NoTopic { .. }) => return Ok(Vec::new()),
+        Ok(typed) => typed.during(during),
+        Err(Error::NoTopic { .. }) => return Ok(()),
         Err(error) => return Err(error.into()),
     };
-    let mut messages = Vec::new();
     for message in typed {
         match message {
-            Ok(message) => messages.push(message),
+            Ok(message) => {
+                if !take(message)? {
+                    break;
+                }
+            }
             Err(Error::Damaged(found)) if damage.contains(&found) => {}
             Err(Error::Damaged(found)) => damage.push(found),
             Err(error) => return Err(error.into()),
         }
     }
-    Ok(messages)
+    Ok(())
 }
 
 /// Contents without repetition: a latched topic may be published again unchanged.
@@ -297,15 +491,15 @@ fn distinct<T: PartialEq>(messages: Vec<Stamped<T>>) -> Vec<T> {
 }
 
 /// The plan of the measurement that is wanted.
-fn choose(
+fn choose<'a>(
     topic: &str,
-    mut plans: Vec<InspectionPlan>,
+    plans: &'a [InspectionPlan],
     events: &[Stamped<ProbeEvent>],
     measurement: &Measurement,
-) -> Result<Option<InspectionPlan>, SessionError> {
+) -> Result<Option<&'a InspectionPlan>, SessionError> {
     let wanted = match measurement {
         Measurement::Named(id) => Some(id.clone()),
-        _ if plans.len() < 2 => return Ok(plans.pop()),
+        _ if plans.len() < 2 => return Ok(plans.last()),
         Measurement::Only => None,
         Measurement::Last => events.last().map(|event| event.message.plan_id.clone()),
     };
@@ -314,7 +508,7 @@ fn choose(
         .iter()
         .filter(|plan| wanted.as_ref() == Some(&plan.plan_id));
     match (chosen.next(), chosen.next()) {
-        (Some(plan), None) => Ok(Some(plan.clone())),
+        (Some(plan), None) => Ok(Some(plan)),
         (None, _) if wanted.is_some() => Err(SessionError::NoSuchPlan {
             wanted: wanted.unwrap_or_default(),
             plans: ids(),

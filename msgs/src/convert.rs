@@ -6,9 +6,20 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::{
+    MachineState,
     builtin_interfaces::{Duration, Time},
     geometry_msgs::{Point, Quaternion, Vector3},
 };
+
+impl MachineState {
+    /// True where two states of a machine agree in every driver of thermal growth: a state between two others that agree with it
+    /// changes no response and need not be kept.
+    pub fn drives_as(&self, other: &Self) -> bool {
+        self.temperature_names == other.temperature_names
+            && self.temperatures == other.temperatures
+            && self.spindle_speed == other.spindle_speed
+    }
+}
 
 const NANOS_PER_SECOND: i64 = 1_000_000_000;
 

@@ -22,6 +22,8 @@ pub struct Messages<'a> {
     next: BinaryHeap<Reverse<Key>>,
     repeats: Repeats,
     damage: VecDeque<Damage>,
+    /// First and last log time that is wanted.
+    during: (u64, u64),
     /// What was given last, here or before the reading that is gone on with.
     last: Option<Key>,
 }
@@ -107,8 +109,17 @@ impl<'a> Messages<'a> {
             next: BinaryHeap::new(),
             repeats: from.repeats,
             damage: VecDeque::new(),
+            during: (0, u64::MAX),
             last: from.last,
         }
+    }
+
+    /// Those of them received from one log time to another, both included.
+    pub(super) fn during(mut self, (from, to): (u64, u64)) -> Self {
+        let overlaps = |block: &Block| block.bounds.1 >= from && block.bounds.0 <= to;
+        self.waiting.retain(|(_, block)| overlaps(block));
+        self.during = (from, to);
+        self
     }
 
     /// The place behind what was given last.
@@ -126,8 +137,11 @@ impl<'a> Messages<'a> {
         let take = |message: MessageLocation| {
             // Messages of unknown channels are reported as damage by the scan of the file.
             let channel = numbers.get(&message.channel);
-            if channel
-                .is_some_and(|channel| self.wanted.as_ref().is_none_or(|wanted| wanted[*channel]))
+            let during = self.during.0..=self.during.1;
+            if during.contains(&message.log_time)
+                && channel.is_some_and(|channel| {
+                    self.wanted.as_ref().is_none_or(|wanted| wanted[*channel])
+                })
             {
                 messages.push(message);
             }

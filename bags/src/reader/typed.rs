@@ -74,6 +74,15 @@ impl Bag {
     }
 }
 
+impl<T> Typed<'_, T> {
+    /// Those received from one log time to another, both included; chunks that end before or begin after are not read.
+    #[must_use]
+    pub fn during(mut self, times: (u64, u64)) -> Self {
+        self.messages = self.messages.during(times);
+        self
+    }
+}
+
 impl<T: Message> Iterator for Typed<'_, T> {
     type Item = Result<Stamped<T>, Error>;
 

@@ -12,23 +12,21 @@ use crate::reader::Stamped;
 
 pub(super) fn check_machine(
     topic: &str,
-    states: &[Stamped<MachineState>],
+    index: usize,
+    Stamped { message, .. }: &Stamped<MachineState>,
 ) -> Result<(), SessionError> {
-    for (index, Stamped { message, .. }) in states.iter().enumerate() {
-        let (names, values) = (message.temperature_names.len(), message.temperatures.len());
-        if names != values {
-            return Err(SessionError::TemperatureCount {
-                topic: topic.to_owned(),
-                index,
-                names,
-                values,
-            });
-        }
-        finite(topic, index, "temperatures", &message.temperatures)?;
-        finite(topic, index, "spindle_speed", &[message.spindle_speed])?;
-        finite(topic, index, "feed_override", &[message.feed_override])?;
+    let (names, values) = (message.temperature_names.len(), message.temperatures.len());
+    if names != values {
+        return Err(SessionError::TemperatureCount {
+            topic: topic.to_owned(),
+            index,
+            names,
+            values,
+        });
     }
-    Ok(())
+    finite(topic, index, "temperatures", &message.temperatures)?;
+    finite(topic, index, "spindle_speed", &[message.spindle_speed])?;
+    finite(topic, index, "feed_override", &[message.feed_override])
 }
 
 pub(super) fn check_joints(

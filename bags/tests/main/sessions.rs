@@ -8,8 +8,8 @@ use bags::{
 };
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::{
-    InspectionFeature, InspectionPlan, InspectionPoint, Message, ProbeEvent, ProbeTrigger,
-    std_msgs, to_cdr,
+    InspectionFeature, InspectionPlan, InspectionPoint, MachineState, Message, ProbeEvent,
+    ProbeTrigger, std_msgs, to_cdr,
 };
 
 fn plan(id: &str) -> InspectionPlan {
@@ -364,4 +364,66 @@ fn another_type_no_model_no_cell_and_two_cells_are_refused() {
         bench.say("/other/robot_description", &text);
     });
     assert!(matches!(two, Err(SessionError::SeveralCells(cells)) if cells == "/cell, /other"));
+}
+
+/// A shift of ten hours with three touches in each: of a measurement only what stands beside its touches is held, and what
+/// warms the machine up; of all measurements together nothing that grows with the time between them.
+#[test]
+fn what_a_session_holds_does_not_grow_with_its_recording() {
+    const HOUR: u64 = 3600;
+    let folder = tempfile::tempdir().unwrap();
+    let recorder = Recorder::start(RecorderOptions {
+        overflow: Overflow::Block,
+        ..RecorderOptions::new(folder.path().join("run"))
+    });
+    let recorder = recorder.unwrap();
+    let mut bench = Bench {
+        recorder: &recorder,
+        time: 0,
+    };
+    bench.model();
+    for hour in 0..10 {
+        bench.say("/cell/inspection_plan", &plan(&format!("part {hour}")));
+        for second in 0..HOUR {
+            bench.time = (hour * HOUR + second) * 1_000_000_000;
+            bench.say("/cell/joint_states", &JointState::default());
+            let warmer = f64::from(u8::from(second >= HOUR / 4));
+            let state = MachineState {
+                temperature_names: vec!["part".to_owned()],
+                temperatures: vec![20.0 + 2.0 * hour as f64 + warmer],
+                ..MachineState::default()
+            };
+            bench.say("/cell/machine_state", &state);
+            if (HOUR / 2..HOUR / 2 + 3).contains(&second) {
+                let number = 3 * hour + second - HOUR / 2;
+                let touch = touch(
+                    &format!("part {hour}"),
+                    number,
+                    (bench.time / 1_000_000_000) as i32,
+                );
+                bench.say("/cell/probe_events", &touch);
+            }
+        }
+    }
+    recorder.stop().unwrap();
+    let bag = Bag::open(folder.path().join("run")).unwrap();
+    let last = Session::read_measurement(&bag, &Measurement::Last).unwrap();
+    // A minute before and after the touches, and the first of all.
+    assert_eq!(
+        (last.events.len(), last.joint_states.len()),
+        (3, 1 + 59 + 3 + 60)
+    );
+    assert_eq!(last.joint_states[0].log_time, 1);
+    // Those of the same minutes, and both sides of each of the twenty changes but for those at the ends.
+    let outside = last.machine_states.len() - 122;
+    assert_eq!(outside, 2 + 2 * 19);
+    let mut seen = Vec::new();
+    Session::each_measurement(&bag, |plan_id, session, states| {
+        let session = session.unwrap();
+        assert_eq!((session.joint_states.len(), states.len()), (1, 2 + 2 * 19));
+        seen.push((plan_id.to_owned(), session.events.len()));
+    })
+    .unwrap();
+    let expected: Vec<_> = (0..10).map(|hour| (format!("part {hour}"), 3)).collect();
+    assert_eq!(seen, expected);
 }

@@ -91,14 +91,6 @@ impl Series {
     }
 }
 
-/// True where two states of a machine agree in every driver: a state between two others that agree with it changes no
-/// response and need not be kept.
-pub fn same_drivers(one: &MachineState, other: &MachineState) -> bool {
-    one.temperature_names == other.temperature_names
-        && one.temperatures == other.temperatures
-        && one.spindle_speed == other.spindle_speed
-}
-
 /// The readings without those that equal both neighbours, through which the line is the same.
 fn turning(readings: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let differs = |one: usize, other: Option<usize>| {

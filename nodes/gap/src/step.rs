@@ -1,9 +1,9 @@
 //! The rules of `gap`.
 
 use diagnosis::{Session, SessionError, onset::ChangeMonitor};
-use effects::{sensors::same_drivers, session::joined::join};
+use effects::session::joined::join;
 use graph::Stamp;
-use probecell_msgs::{InspectionPlan, PlanId, builtin_interfaces::Time};
+use probecell_msgs::{InspectionPlan, MachineState, PlanId, builtin_interfaces::Time};
 
 use crate::{
     config::Config,
@@ -40,7 +40,9 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
         }
         Input::State(machine) => {
             let at = machine.header.stamp.nanos();
-            state.states.push_turning(at, machine, same_drivers);
+            state
+                .states
+                .push_turning(at, machine, MachineState::drives_as);
         }
         Input::Corrected(_) => state.watch = ChangeMonitor::default(),
         Input::Reference(reference) => {
