@@ -29,8 +29,10 @@ use crate::report::residuals::{Residuals, TouchResiduals};
 use explain::explain;
 use reporter::Reporter;
 
+/// Most touches of a session that are diagnosed: more determine no parameter better than the model holds.
+const MAX_TOUCHES: usize = 25_000;
 /// Range of the weight of a reference over that of a touch.
-const REFERENCE_WEIGHTS: (f64, f64) = (0.1, 10.0);
+pub(crate) const REFERENCE_WEIGHTS: (f64, f64) = (0.1, 10.0);
 
 /// Explains why a session differs from its model: touches where there is a plan, drives elsewhere.
 ///
@@ -58,6 +60,8 @@ pub fn diagnose_with_residuals(
         };
     }
     let mut observations = observe(session)?;
+    let all = observations.touches();
+    let thinned = observations.thin(MAX_TOUCHES);
     let offered = variants(&observations, options)?;
     if is_tracked(&observations) {
         return diagnose_together_with_residuals(std::slice::from_ref(session), &[], options);
@@ -68,13 +72,18 @@ pub fn diagnose_with_residuals(
         report_part(session, observations, variants, (options.next, covered))
     };
     let mut impossible = ExcludedParameters::default();
-    let (whole, touches) = loop {
+    let (mut whole, touches) = loop {
         let variants = impossible.left_out(variants(&observations, options)?);
         let found = report_part(session, &observations, &variants, (options.next, 0.0));
         if !impossible.found_in(&found.0, &offered) {
             break found;
         }
     };
+    if thinned {
+        let used = observations.touches();
+        let text = format!("{used} of {all} touches, evenly spread, are diagnosed");
+        whole.warnings.insert(0, text);
+    }
     let parted =
         referenced::part(&observations).filter(|parted| referenced::is_better(parted, &whole));
     let Some(parted) = parted else {

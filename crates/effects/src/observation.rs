@@ -228,6 +228,27 @@ impl Observations {
         })
     }
 
+    /// Keeps about so many touches where there are more, and all references; true where it left some out. They are evenly spread
+    /// over the session whatever the period of its pattern: by the multiples of the golden ratio (Weyl 1916).
+    pub fn thin(&mut self, touches: usize) -> bool {
+        const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
+        let (all, count) = (self.rows.len(), self.touches());
+        if count <= touches {
+            return false;
+        }
+        let bound = (u64::MAX / count as u64).saturating_mul(touches as u64);
+        let kept: Vec<bool> = (0..all)
+            .map(|row| row >= count || (row as u64).wrapping_mul(GOLDEN) < bound)
+            .collect();
+        let mut flags = kept.iter();
+        self.rows.retain(|_| flags.next().is_some_and(|&kept| kept));
+        for values in std::iter::once(&mut self.deviations).chain(&mut self.declared) {
+            let mut flags = kept.iter();
+            values.retain(|_| flags.next().is_some_and(|&kept| kept));
+        }
+        true
+    }
+
     /// Number of touches; they come before the references.
     pub fn touches(&self) -> usize {
         self.rows
