@@ -186,6 +186,7 @@ impl Outcome<'_> {
             rejected: Vec::<Rejected>::new(),
             next_measurement: Vec::new(),
             durations: None,
+            measurements: None,
             warnings: std::iter::once(format!("judged by {}", self.channel))
                 .chain(remarks)
                 .collect(),

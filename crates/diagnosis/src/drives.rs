@@ -566,6 +566,7 @@ impl Drives {
             rejected,
             next_measurement: Vec::new(),
             durations: None,
+            measurements: None,
             warnings: vec![match self.channel {
                 Channel::Motion => "judged by motion".to_owned(),
                 Channel::Effort => "judged by effort".to_owned(),

@@ -7,6 +7,7 @@
 
 mod rows;
 
+use effects::DeclaredEffect;
 use effects::effect::Subject;
 use effects::library;
 use effects::registry::acts_on;
@@ -35,20 +36,48 @@ pub fn diagnose_together_with_residuals(
     if fit.iter().chain(withheld).all(drives) {
         return diagnose_drives_with_residuals(fit, withheld);
     }
-    let mut impossible = ExcludedParameters::default();
     let sessions: Vec<&Session> = fit.iter().chain(withheld).collect();
     let joined = Joined::new(&sessions)?;
+    let heading = Heading {
+        fitted: names(fit),
+        withheld: names(withheld),
+        measured: fit.first().and_then(Session::measured),
+        robot_description: fit
+            .first()
+            .map(|session| session.robot_description.as_str()),
+        declared: (fit.first()).map_or(&[][..], |session| session.declared.as_slice()),
+    };
+    diagnose_joined(&heading, &joined, options)
+        .map(|(report, touches)| (report, Residuals::Touches(vec![touches])))
+}
+
+/// What a report says of its sessions before any number.
+pub(crate) struct Heading<'a> {
+    pub(crate) fitted: Vec<String>,
+    pub(crate) withheld: Vec<String>,
+    pub(crate) measured: Option<String>,
+    pub(crate) robot_description: Option<&'a str>,
+    pub(crate) declared: &'a [DeclaredEffect],
+}
+
+/// Explains joined rows of touches, those of the fitted sessions first.
+pub(crate) fn diagnose_joined(
+    heading: &Heading<'_>,
+    joined: &Joined,
+    options: &Options,
+) -> Result<(Report, TouchResiduals), SessionError> {
+    let mut impossible = ExcludedParameters::default();
     let variants = library(&joined.observations);
     loop {
-        let (report, touches) = judge((fit, withheld), &joined, &impossible, options)?;
+        let (report, touches) = judge(heading, joined, &impossible, options)?;
         if !impossible.found_in(&report, &variants) {
-            return Ok((report, Residuals::Touches(vec![touches])));
+            return Ok((report, touches));
         }
     }
 }
 
 fn judge(
-    (fit, withheld): (&[Session], &[Session]),
+    heading: &Heading<'_>,
     joined: &Joined,
     impossible: &ExcludedParameters,
     options: &Options,
@@ -68,7 +97,8 @@ fn judge(
             .any(|other| *other == variant.effect);
         !(own || registered || options.without.contains(&variant.effect))
     });
-    let active: Vec<bool> = joined.session.iter().map(|&of| of < fit.len()).collect();
+    let fitted = heading.fitted.len();
+    let active: Vec<bool> = joined.session.iter().map(|&of| of < fitted).collect();
     let table = Table {
         observations,
         nuisances: &poses,
@@ -77,8 +107,7 @@ fn judge(
     let judged = table.judge(&variants, &active);
     let judged = judged.ok_or(SessionError::TooFew(0, 1))?;
     let together = Together {
-        fit,
-        withheld,
+        heading,
         joined,
         y: &y,
         judged: &judged,
@@ -88,8 +117,7 @@ fn judge(
 
 /// A judgement of several sessions, and what its report needs.
 struct Together<'a> {
-    fit: &'a [Session],
-    withheld: &'a [Session],
+    heading: &'a Heading<'a>,
     joined: &'a Joined,
     y: &'a [f64],
     judged: &'a Judged,
@@ -114,14 +142,12 @@ impl Together<'_> {
         let floor = noise.min(after);
         let report = Report {
             schema: SCHEMA.to_owned(),
-            bag: names(self.fit).join(" + "),
-            fitted: names(self.fit),
-            withheld: names(self.withheld),
-            measured: self.fit.first().and_then(Session::measured),
-            machine: self
-                .fit
-                .first()
-                .map(|session| Machine::of(&session.robot_description, observations.chain.name())),
+            bag: self.heading.fitted.join(" + "),
+            fitted: self.heading.fitted.clone(),
+            withheld: self.heading.withheld.clone(),
+            measured: self.heading.measured.clone(),
+            machine: (self.heading.robot_description)
+                .map(|text| Machine::of(text, observations.chain.name())),
             samples: used.iter().filter(|&&used| used).count(),
             verdict,
             level: Level::default(),
@@ -135,22 +161,18 @@ impl Together<'_> {
             noise: Vec::new(),
             place: localisation::shares(observations, &before, &used),
             rejected: self.judged.rejected(),
-            declared: (self.fit.iter().take(1))
-                .flat_map(|session| &session.declared)
+            declared: (self.heading.declared.iter())
                 .map(|effect| declared::report_entry(effect, None))
                 .collect(),
             effects,
             unexplained,
             next_measurement: Vec::new(),
             durations: None,
+            measurements: None,
             warnings: self.warnings(),
         };
         let weight = |row: usize| observations.rows[row].weight;
-        let first = if self.withheld.is_empty() {
-            0
-        } else {
-            self.fit.len()
-        };
+        let first = self.first_judged();
         let mut touches = residuals::touches(
             observations,
             "touches against the model, the pose of each session fitted",
@@ -174,14 +196,14 @@ impl Together<'_> {
     /// Residuals of the judging rows with the first so many families: of withheld sessions, whose poses are fitted anew, or of
     /// left-out stretches.
     fn left(&self, families: usize) -> Vec<Option<f64>> {
-        if self.withheld.is_empty() {
+        if self.heading.withheld.is_empty() {
             return self.judged.left_out(families);
         }
         let mut residuals = self.judged.predicted(families, self.y);
-        for pose in &self.joined.poses[self.fit.len()..] {
+        for pose in &self.joined.poses[self.first_judged()..] {
             residuals = projected_out(residuals, pose);
         }
-        let judges = |row: usize| self.joined.session[row] >= self.fit.len();
+        let judges = |row: usize| self.joined.session[row] >= self.first_judged();
         let rows = residuals.into_iter().enumerate();
         rows.map(|(row, value)| judges(row).then_some(value))
             .collect()
@@ -189,11 +211,7 @@ impl Together<'_> {
 
     /// Sizes of residuals session by session, before and after.
     fn sessions(&self, [before, after]: [&Vec<Option<f64>>; 2]) -> Vec<SessionGap> {
-        let first = if self.withheld.is_empty() {
-            0
-        } else {
-            self.fit.len()
-        };
+        let first = self.first_judged();
         let of = |residuals: &[Option<f64>], session: usize| {
             let rows = residuals.iter().zip(&self.joined.session);
             let own: Vec<Option<f64>> = rows
@@ -216,12 +234,25 @@ impl Together<'_> {
             .collect()
     }
 
-    fn names_judged(&self) -> Vec<String> {
-        names(if self.withheld.is_empty() {
-            self.fit
+    /// The first session that judges.
+    fn first_judged(&self) -> usize {
+        if self.heading.withheld.is_empty() {
+            0
         } else {
-            self.withheld
-        })
+            self.heading.fitted.len()
+        }
+    }
+
+    fn names_judged(&self) -> Vec<String> {
+        let Heading {
+            fitted, withheld, ..
+        } = self.heading;
+        if withheld.is_empty() {
+            fitted
+        } else {
+            withheld
+        }
+        .clone()
     }
 
     fn warnings(&self) -> Vec<String> {
@@ -236,7 +267,7 @@ impl Together<'_> {
             ));
         }
         let strays = (self.joined.session.iter().zip(&self.judged.active))
-            .filter(|&(&of, &used)| of < self.fit.len() && !used)
+            .filter(|&(&of, &used)| of < self.heading.fitted.len() && !used)
             .count();
         if strays > 0 {
             warnings.push(format!("{strays} touches rejected as outliers"));

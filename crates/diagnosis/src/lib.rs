@@ -12,6 +12,7 @@
 //!        diagnose::reporter    named effects, equivalence classes, parameters, cross-validation, next touches
 //!
 //!   several sessions of touches:  joint   (blocks, forward selection, cross-validation)  -> Report
+//!   measurements of one recording:  recording  (equal plans averaged, changes found, then joint)  -> Report
 //!   sessions of drives:           drives  (regression over time, cross-validation)       -> Report
 //!   arms in motion:               arm     (dynamics of the whole tree, servos simulated)  -> Report
 //!   time of the moves:            time     (measured less promised durations, limits of the motion model)  -> Report
@@ -50,6 +51,7 @@ pub mod joint;
 mod nonnegativity;
 pub mod onset;
 mod options;
+pub mod recording;
 mod referenced;
 pub mod report;
 pub mod time;

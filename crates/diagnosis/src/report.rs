@@ -6,6 +6,7 @@ pub(crate) mod declared;
 mod finish;
 mod joint_zero;
 pub(crate) mod localisation;
+pub mod measurements;
 pub mod noise;
 pub(crate) mod numbers;
 mod remedy;
@@ -103,6 +104,9 @@ pub struct Report {
     /// Of the channel `time`: how long the compared moves were to take, and took.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub durations: Option<Durations>,
+    /// Of a recording in which several parts were measured: which measurements were diagnosed together.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub measurements: Option<measurements::Measurements>,
     /// Remarks on the input: skipped events, rejected outliers, approximations.
     pub warnings: Vec<String>,
 }

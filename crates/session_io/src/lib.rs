@@ -5,6 +5,7 @@
 //!  bag ──> bags::Session of the measurement ──┐
 //!      ──> that of the plan it supplements ───┼──> effects::Session, and what a person has to know of it
 //!      ──> cell file: declared effects ───────┘
+//!      ──> parts: all of its measurements diagnosed together
 //!      ──> record: report::PartSession ──> its page; sizes as JSON
 //!      ──> order: the measuring order that would have been shorter
 //!  touches and their plan ──> evaluation: deviations, features with uncertainty
@@ -30,11 +31,14 @@ pub mod export;
 pub mod import;
 pub mod imported;
 pub mod order;
+mod parts;
 pub mod record;
 pub mod reference;
 pub mod sizes;
 mod unrecorded;
 pub mod write;
+
+pub use parts::{Diagnosed, diagnosed};
 
 use std::path::Path;
 

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use anyhow::bail;
-use bags::{Bag, Damage, Gap, Measurement};
+use bags::{Bag, Damage, Gap};
 use diagnosis::Options;
 use graph::{Topic, topics};
 use probecell_msgs::{
@@ -12,8 +12,8 @@ use probecell_msgs::{
 };
 use report::{Page, PartSession, ShortDiagnosis, part_page, part_session, shift_page, shift_parts};
 
+use crate::diagnosed;
 use crate::embedded;
-use crate::measured;
 use crate::sizes::by_reference;
 use crate::unrecorded::before_the_first;
 
@@ -45,11 +45,13 @@ pub fn page(
         return Ok(shift_page(session, &|_| None)?);
     }
     let command = format!("probecell diagnose {} --html FILE", session.name);
-    let made = measured(path, &Measurement::Last, None).and_then(|measured| {
-        for one in &measured.remarks {
+    let made = Bag::open(path).map_err(anyhow::Error::from);
+    let made = made.and_then(|bag| {
+        let found = diagnosed(&bag, None, None, &Options::default())?;
+        for one in &found.remarks {
             remark(one);
         }
-        Ok(diagnosis::diagnose(&measured.session, &Options::default())?)
+        Ok(found.report)
     });
     let reason;
     let short = match &made {

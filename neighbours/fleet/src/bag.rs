@@ -7,13 +7,12 @@ mod signals;
 pub(crate) mod words;
 
 use anyhow::{Context, bail};
-use bags::{Bag, Error, Measurement, Stamped};
+use bags::{Bag, Error, Stamped};
 use diagnosis::report::Machine;
-use diagnosis::{Options, Report, diagnose};
+use diagnosis::{Options, Report};
 use machine::Chain;
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{MachineState, Message};
-use session_io::Measured;
 
 use crate::lake::Rows;
 use crate::lake::rows::{Row, Value};
@@ -108,10 +107,7 @@ pub(crate) fn rows(
     source.machine_type = Chain::from_urdf(&description)
         .map_or_else(|_| String::new(), |chain| chain.name().to_owned());
 
-    let diagnosed = session_io::measured_of(bag, &Measurement::Last, None).and_then(|measured| {
-        let report = diagnose(&measured.session, &Options::default());
-        Ok((measured, report?))
-    });
+    let diagnosed = session_io::diagnosed(bag, None, None, &Options::default());
     let began = i64::try_from(began / 1000).context("the first time stamp is no instant")?;
     let ended = i64::try_from(ended / 1000).context("the last time stamp is no instant")?;
     messages::rows(&mut source, rows)?;
@@ -119,15 +115,15 @@ pub(crate) fn rows(
     let mut refusal = None;
     let (mut measured, mut report) = (None, None);
     match diagnosed {
-        Ok((read, found)) => {
-            source.remarks.extend(read.remarks.iter().cloned());
-            effects::rows(&source, began, &read.session, &found, rows)?;
-            for declared in &found.declared {
+        Ok(found) => {
+            source.remarks.extend(found.remarks);
+            effects::rows(&source, began, &found.session, &found.report, rows)?;
+            for declared in &found.report.declared {
                 let values = promise(declared);
                 rows.push(&PROMISES, source.row(began, values));
             }
-            measured = Some(read);
-            report = Some(found);
+            measured = Some(found.session);
+            report = Some(found.report);
         }
         Err(error) => {
             let why = crate::sentence(&error);
@@ -176,7 +172,7 @@ struct Session<'a> {
     bytes: u64,
     damage: usize,
     description: &'a str,
-    measured: Option<&'a Measured>,
+    measured: Option<&'a diagnosis::Session>,
     report: Option<&'a Report>,
     refusal: Option<String>,
 }
@@ -184,11 +180,9 @@ struct Session<'a> {
 impl Session<'_> {
     fn row(&self, source: &Source<'_>) -> Row {
         let report = self.report;
-        let plan = self
-            .measured
-            .and_then(|measured| measured.session.plan.as_ref());
+        let plan = self.measured.and_then(|measured| measured.plan.as_ref());
         let declared = self.measured.map(|measured| {
-            let effects = measured.session.declared.iter();
+            let effects = measured.declared.iter();
             effects
                 .map(|effect| effect.effect.clone())
                 .collect::<Vec<String>>()

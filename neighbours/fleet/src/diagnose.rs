@@ -3,18 +3,21 @@
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use bags::Measurement;
-use diagnosis::{Options, Report, Session, diagnose, diagnose_together_with_residuals};
+use bags::{Bag, Measurement};
+use diagnosis::{Options, Report, Session, diagnose_together_with_residuals};
 
 use crate::lake::remote::{Remote, is_url};
 
-/// The gap report of the last measurement of a recording.
+/// The gap report of a recording, as `probecell diagnose` makes it.
 ///
 /// # Errors
 /// The recording cannot be read or diagnosed; its name stands before the reason.
 pub fn diagnose_bag(path: &str) -> anyhow::Result<Report> {
-    let one = || -> anyhow::Result<Report> { Ok(diagnose(&session(path)?, &Options::default())?) };
-    one().map_err(|error| error.context(format!("diagnose({path})")))
+    let one = |path: &Path| -> anyhow::Result<Report> {
+        let bag = Bag::open(path)?;
+        Ok(session_io::diagnosed(&bag, None, None, &Options::default())?.report)
+    };
+    read(path, one).map_err(|error| error.context(format!("diagnose({path})")))
 }
 
 /// The joint gap report of the last measurements of several recordings of one machine; of one recording as [`diagnose_bag`].
@@ -26,12 +29,15 @@ pub fn diagnose_together(paths: &[String]) -> anyhow::Result<Report> {
         [] => bail!("there is no recording to diagnose"),
         [one] => diagnose_bag(one),
         several => {
-            let read = |path: &String| {
-                session(path).map_err(|error| error.context(format!("joint_fit({path})")))
+            let last = |path: &Path| -> anyhow::Result<Session> {
+                Ok(session_io::measured(path, &Measurement::Last, None)?.session)
+            };
+            let of = |path: &String| {
+                read(path, last).map_err(|error| error.context(format!("joint_fit({path})")))
             };
             let sessions = several
                 .iter()
-                .map(read)
+                .map(of)
                 .collect::<anyhow::Result<Vec<_>>>()?;
             let (report, _) =
                 diagnose_together_with_residuals(&sessions, &[], &Options::default())?;
@@ -40,11 +46,8 @@ pub fn diagnose_together(paths: &[String]) -> anyhow::Result<Report> {
     }
 }
 
-/// A recording in a file or folder, or in an object of S3, which is fetched.
-fn session(path: &str) -> anyhow::Result<Session> {
-    let read = |path: &Path| -> anyhow::Result<Session> {
-        Ok(session_io::measured(path, &Measurement::Last, None)?.session)
-    };
+/// What `read` gives of a recording in a file or folder, or in an object of S3, which is fetched.
+fn read<T>(path: &str, read: impl Fn(&Path) -> anyhow::Result<T>) -> anyhow::Result<T> {
     if !is_url(path) {
         return read(Path::new(path));
     }

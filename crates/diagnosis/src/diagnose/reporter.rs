@@ -143,6 +143,7 @@ impl Reporter<'_> {
             ),
             effects,
             durations: None,
+            measurements: None,
             warnings,
         };
         let residuals = self.residuals(&set);

@@ -5,7 +5,7 @@
 
 use effects::effect::{Effect, Registration};
 use effects::finite_displacement::FiniteErrors;
-use effects::observation::{Column, Observations};
+use effects::observation::{Column, Observations, Row};
 use effects::session::{Session, SessionError};
 use effects::variant::is_arm;
 use effects::{candidate, library, observe, registry};
@@ -46,24 +46,36 @@ impl Joined {
     /// [`SessionError`] names the session that is unusable or belongs to another machine.
     pub fn new(sessions: &[&Session]) -> Result<Self, SessionError> {
         let first = sessions.first().ok_or(SessionError::NoPlan)?;
+        let names = |other: &Session| (first.name.clone(), other.name.clone());
+        let observed = sessions.iter().map(|session| {
+            if session.robot_description != first.robot_description {
+                let (first, other) = names(session);
+                return Err(SessionError::OtherMachine(first, other));
+            }
+            if session.declared != first.declared {
+                let (first, other) = names(session);
+                return Err(SessionError::OtherModel(first, other));
+            }
+            observe(session)
+        });
+        Self::of(observed, &[])
+    }
+
+    /// The same of rows that are laid out; `registered_tools` of each are those whose constant material is its own as well.
+    ///
+    /// # Errors
+    /// Those of the rows, or there are none.
+    pub(crate) fn of(
+        sessions: impl Iterator<Item = Result<Observations, SessionError>>,
+        registered_tools: &[Vec<u32>],
+    ) -> Result<Self, SessionError> {
         let mut all: Option<Observations> = None;
         let mut touches = Vec::new();
         let mut references = Vec::new();
-        let (mut features, mut indices) = (0, 0);
-        for (number, session) in sessions.iter().enumerate() {
-            if session.robot_description != first.robot_description {
-                return Err(SessionError::OtherMachine(
-                    first.name.clone(),
-                    session.name.clone(),
-                ));
-            }
-            if session.declared != first.declared {
-                return Err(SessionError::OtherModel(
-                    first.name.clone(),
-                    session.name.clone(),
-                ));
-            }
-            let mut observed = observe(session)?;
+        let (mut features, mut indices, mut sessions_read) = (0, 0, 0);
+        for (number, observed) in sessions.enumerate() {
+            let mut observed = observed?;
+            sessions_read += 1;
             let stride = observed.rows.len().div_ceil(MAX_ROWS).max(1);
             for (row, deviation) in observed
                 .rows
@@ -81,9 +93,8 @@ impl Joined {
                 };
                 list.push((row, deviation, number));
             }
-            let last = |list: &[(effects::observation::Row, f64, usize)]| {
-                list.iter().map(|(row, _, _)| row.index + 1).max()
-            };
+            let last =
+                |list: &[(Row, f64, usize)]| list.iter().map(|(row, _, _)| row.index + 1).max();
             indices = last(&touches).unwrap_or(0).max(indices);
             features += observed.features.len();
             match &mut all {
@@ -118,13 +129,22 @@ impl Joined {
         registered.extend(of(Registration::ProbeOfArm).filter(|_| arm));
         let known = library(&observations);
         registered.retain(|effect| known.iter().any(|variant| variant.effect == *effect));
-        let poses = poses(&observations, &session, sessions.len(), &registered);
+        let mut poses = poses(&observations, &session, sessions_read, &registered);
+        for (number, (own, tools)) in poses.iter_mut().zip(registered_tools).enumerate() {
+            for tool in tools {
+                let rows = observations.rows.iter().zip(&session);
+                let is_left = |row: &Row, of: usize| of == number && row.tool == Some(*tool);
+                let left =
+                    rows.map(|(row, &of)| f64::from(u8::from(is_left(row, of))) * row.weight);
+                append(own, left.collect(), SPANNED);
+            }
+        }
         Ok(Self {
-            second_order: second_order(&observations, &session, sessions.len(), &registered),
+            second_order: second_order(&observations, &session, sessions_read, &registered),
             registered,
             observations,
             session,
-            sessions: sessions.len(),
+            sessions: sessions_read,
             poses,
         })
     }

@@ -20,6 +20,14 @@ pub fn in_display_units(name: &str, value: f64, unit: &str, ci95: Option<[f64; 2
     text.trim_end().replace(" °", "°")
 }
 
+/// A count with its thousands parted by commas.
+pub(crate) fn grouped(count: usize) -> String {
+    let digits = count.to_string();
+    let groups = digits.as_bytes().rchunks(3).rev();
+    let groups: Vec<_> = groups.map(String::from_utf8_lossy).collect();
+    groups.join(",")
+}
+
 /// Shown number over SI value, and the unit as people write it.
 fn display_unit<'u>(name: &str, value: f64, unit: &'u str) -> (f64, &'u str) {
     let size = value.abs();

@@ -3,6 +3,7 @@
 
 use std::fmt;
 
+use crate::report::measurements::Measurements;
 use crate::report::numbers::in_display_units;
 use crate::report::{Declared, Effect, Level, NextMeasurement, ParameterEstimate, Place, Report};
 
@@ -36,11 +37,19 @@ impl fmt::Display for Report {
             unit => format!("{value:.4} {unit}"),
         };
         let (rms, floor) = (micro(self.gap.rms), micro(self.gap.noise_floor));
+        let all = self.measurements.as_ref();
+        let samples = all.map_or_else(
+            || format!("{} samples", self.samples),
+            Measurements::heading,
+        );
         writeln!(
             to,
-            "  {} samples, gap {rms} rms, noise floor {floor}, ratio {:.1}",
-            self.samples, self.gap.ratio
+            "  {samples}, gap {rms} rms, noise floor {floor}, ratio {:.1}",
+            self.gap.ratio
         )?;
+        for line in all.iter().flat_map(|all| all.lines()) {
+            writeln!(to, "  {line}")?;
+        }
         if let Some(durations) = &self.durations {
             writeln!(
                 to,
@@ -66,7 +75,8 @@ impl fmt::Display for Report {
         for effect in &self.effects {
             write_effect(to, effect, &micro)?;
         }
-        if let (Some(first), Some(last)) = (self.effects.first(), self.effects.last()) {
+        let ends = (self.effects.first(), self.effects.last());
+        if let ((Some(first), Some(last)), None) = (ends, all) {
             let judged = if self.withheld.is_empty() {
                 "held out"
             } else {
@@ -163,7 +173,7 @@ fn write_effect(
 }
 
 /// What may act, in words: the whole group, never one of it as certain.
-fn group_text(effect: &Effect) -> String {
+pub(crate) fn group_text(effect: &Effect) -> String {
     match effect.group.as_slice() {
         [] | [_] => effect.effect.clone(),
         group => format!("one of {}", group.join(", ")),

@@ -81,6 +81,7 @@ pub(super) fn report(session: &Session, rows: &Rows<'_>, judged: &Judged) -> (Re
         rejected: rejected(rows, judged),
         next_measurement: Vec::new(),
         durations: Some(durations(rows, judged)),
+        measurements: None,
         warnings,
     };
     (

@@ -6,6 +6,7 @@
 //! - `machine_shapes`: sessions laid out as real machines are measured (`layouts` makes them)
 //! - `onset`: an effect that begins during a stream of parts is named, and when (`streams` makes them)
 //! - `positioning`: a positioning error that is neither a scale nor a pitch is named, with its table
+//! - `recording`: all parts of a recording decide what the last alone leaves open
 //! - `several_bags`: the causes of an arm hold over three series, and on one withheld
 //! - `time`: the gap in time, against machines that integrate their motion (`time_plant`)
 
@@ -20,6 +21,7 @@ mod layouts;
 mod machine_shapes;
 mod onset;
 mod positioning;
+mod recording;
 #[path = "../../examples/common/score.rs"]
 mod score;
 mod several_bags;

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use bags::Measurement;
+use bags::{Bag, Measurement};
 use cell::Cell;
 use diagnosis::{
-    Options, Report, Residuals, Session, diagnose_together_with_residuals, diagnose_with_residuals,
+    DeclaredEffect, Options, Report, Residuals, Session, diagnose_together_with_residuals,
 };
+use session_io::Diagnosed;
 
 use super::diagnose_refine::{self, Step};
 use super::diagnose_time::Timed;
@@ -29,7 +30,7 @@ pub(crate) struct Arguments {
     /// Diagnose each bag separately.
     #[arg(long, conflicts_with = "withhold")]
     each: bool,
-    /// Plan to diagnose; default: the last one measured.
+    /// Plan to diagnose; default: all, or where one part was measured its last.
     #[arg(long)]
     plan: Option<String>,
     /// What to compare with the model: the touches, or the time of the moves between them.
@@ -99,9 +100,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     }
     if arguments.each || (bags.len() == 1 && arguments.withhold.is_empty()) {
         for path in bags {
-            let session = read(path, arguments)?;
-            let (result, residuals) = diagnose_with_residuals(&session, &options)?;
-            print(arguments, &result, &residuals)?;
+            let found = diagnosed(path, arguments, &options)?;
+            print(arguments, &found.report, &found.residuals)?;
         }
         return Ok(GOOD);
     }
@@ -153,11 +153,31 @@ fn refine(arguments: &Arguments, options: &Options) -> anyhow::Result<u8> {
     Ok(GOOD)
 }
 
-/// The page of the last measurement of a recording.
+/// The page of a recording.
 pub(super) fn html(bag: &Path) -> anyhow::Result<String> {
-    let session = read(bag, &Arguments::default())?;
-    let (result, residuals) = diagnose_with_residuals(&session, &Options::default())?;
-    Ok(::report::diagnosis_page(&result, &residuals)?.html())
+    let found = diagnosed(bag, &Arguments::default(), &Options::default())?;
+    Ok(::report::diagnosis_page(&found.report, &found.residuals)?.html())
+}
+
+/// The diagnosis of a bag; what a person has to know of it is printed.
+pub(super) fn diagnosed(
+    path: &Path,
+    arguments: &Arguments,
+    options: &Options,
+) -> anyhow::Result<Diagnosed> {
+    let model = declared(arguments)?;
+    let bag = Bag::open(path)?;
+    let found = session_io::diagnosed(&bag, arguments.plan.as_deref(), model.as_deref(), options)?;
+    for remark in &found.remarks {
+        output::remark(remark);
+    }
+    Ok(found)
+}
+
+/// The effects of the cell file that replaces the embedded one.
+fn declared(arguments: &Arguments) -> anyhow::Result<Option<Vec<DeclaredEffect>>> {
+    let cell = arguments.model.as_deref().map(Cell::read).transpose()?;
+    Ok(cell.map(|cell| cell.model.effects))
 }
 
 fn write_page(file: &Path, result: &Report, residuals: &Residuals) -> anyhow::Result<()> {
@@ -181,10 +201,7 @@ fn print(arguments: &Arguments, result: &Report, residuals: &Residuals) -> anyho
 /// it adds to stands before it.
 pub(super) fn read(path: &Path, arguments: &Arguments) -> anyhow::Result<Session> {
     let measurement = (arguments.plan.clone()).map_or(Measurement::Last, Measurement::Named);
-    let model = match &arguments.model {
-        Some(path) => Some(Cell::read(path)?.model.effects),
-        None => None,
-    };
+    let model = declared(arguments)?;
     Ok(output::with_remarks(session_io::measured(
         path,
         &measurement,

@@ -15,10 +15,9 @@ pub(super) fn of(source: &Path) -> anyhow::Result<(Report, String, Option<String
         let (report, text) = read(source)?;
         return Ok((report, text, None));
     }
-    let session = diagnose::read(source, &diagnose::Arguments::default())?;
-    let report = diagnosis::diagnose(&session, &Options::default())?;
-    let text = serde_json::to_string_pretty(&report)? + "\n";
-    Ok((report, text, Some(session.robot_description)))
+    let found = diagnose::diagnosed(source, &diagnose::Arguments::default(), &Options::default())?;
+    let text = serde_json::to_string_pretty(&found.report)? + "\n";
+    Ok((found.report, text, Some(found.session.robot_description)))
 }
 
 /// The report of a file, or of standard input (`-`), and its text.

@@ -30,6 +30,9 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
     };
     page.lead(&verdict(report, samples));
     page.list(&findings(report));
+    if let Some(all) = &report.measurements {
+        page.paragraph(&format!("{}: {}.", all.heading(), all.lines().join("; ")));
+    }
     groups(&mut page, report);
     provenance::machine(&mut page, report);
     provenance::declared(&mut page, report);

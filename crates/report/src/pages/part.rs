@@ -362,14 +362,14 @@ fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
             page.list(&conclusion::findings(report));
             conclusion::groups(page, report);
             next(page, report);
-            page.paragraph(&format!(
-                "Of the last measurement. The full page is made by: {command}"
-            ));
+            let of = report.measurements.as_ref().map_or_else(
+                || "the last measurement".to_owned(),
+                |all| format!("{}, {}", all.heading(), all.lines().join("; ")),
+            );
+            page.paragraph(&format!("Of {of}. The full page is made by: {command}"));
         }
         ShortDiagnosis::None(reason) => {
-            page.paragraph(&format!(
-                "The last measurement was not diagnosed: {reason}."
-            ));
+            page.paragraph(&format!("It was not diagnosed: {reason}."));
         }
     }
 }
