@@ -132,7 +132,7 @@ fn what_a_cell_cannot_do_is_refused_in_a_sentence() {
         ("--ros-args -p clearance_mm:=1", "name the node, NODE:KEY"),
         (
             "--ros-args -p use_sim_time:=true",
-            "stamps are those of the clock of the cell",
+            "simulated time is for a simulated machine",
         ),
         (
             "--ros-args --params-file a.yaml",

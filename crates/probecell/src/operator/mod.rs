@@ -93,7 +93,7 @@ impl Operator {
     ) -> anyhow::Result<Self> {
         let namespace = cell.namespace();
         let state = Arc::new(Mutex::new(OperatorState::new(cell, verbose)));
-        let requests = Arc::new(RequestPublishers::new(&bus, cell, &state, clock)?);
+        let requests = Arc::new(RequestPublishers::new(&bus, cell, &state, clock.clone())?);
         let mut operator = Self {
             diagnostics: Diagnostics::new(&bus, cell)?,
             keys: Keys::new(&bus, cell)?,
@@ -107,7 +107,7 @@ impl Operator {
             requests,
             subscriptions: Vec::new(),
         };
-        orders::keep(&operator.bus, cell, &operator.state)?;
+        orders::keep(&operator.bus, cell, &operator.state, clock)?;
         operator.subscribe_to_all(&cell.text().name)?;
         let relayed = transforms::relay(&operator.bus, cell)?;
         operator.subscriptions.extend(relayed);

@@ -19,6 +19,7 @@ use graph::topics;
 use host::{
     bus::{Bus, Publisher},
     bus_qos,
+    sim_time::SimulatedClock,
 };
 use probecell_msgs::{Orders, from_cdr, srv, to_cdr};
 
@@ -37,23 +38,31 @@ pub(crate) fn folder(cell: &Cell) -> anyhow::Result<PathBuf> {
     }
 }
 
-/// Publishes the orders that are on disk, and keeps those that the state is told of from now on.
+/// Publishes the orders that are on disk, and keeps those that the state is told of from now on. `clock`: the simulated clock of the
+/// cell.
 pub(super) fn keep(
     bus: &Bus,
     cell: &Cell,
     state: &Arc<Mutex<OperatorState>>,
+    clock: Option<Arc<SimulatedClock>>,
 ) -> anyhow::Result<()> {
     let path = folder(cell)?.join(format!("{}.json", cell.cell.name));
     let known = read(&path)?;
     let topic = topics::KEPT_ORDERS;
     let publisher = bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))?;
     let (sender, received) = channel();
-    publish(&publisher, state, known)?;
+    let publish_kept = move |state: &Mutex<OperatorState>, orders: Orders| {
+        if let Some(clock) = &clock {
+            clock.publishing(topic.name);
+        }
+        publish(&publisher, state, orders)
+    };
+    publish_kept(state, known)?;
     lock(state).on_orders = Some(sender);
     let state = Arc::clone(state);
     std::thread::Builder::new()
         .name("orders".to_owned())
-        .spawn(move || write_all(&path, &received, &publisher, &state))?;
+        .spawn(move || write_all(&path, &received, &publish_kept, &state))?;
     Ok(())
 }
 
@@ -76,7 +85,7 @@ fn publish(
 fn write_all(
     path: &Path,
     received: &Receiver<Orders>,
-    publisher: &Publisher,
+    publish: &dyn Fn(&Mutex<OperatorState>, Orders) -> anyhow::Result<()>,
     state: &Mutex<OperatorState>,
 ) {
     for orders in received {
@@ -84,7 +93,7 @@ fn write_all(
         if orders.revision <= lock(state).orders.revision {
             continue;
         }
-        let written = write(path, &orders).and_then(|()| publish(publisher, state, orders));
+        let written = write(path, &orders).and_then(|()| publish(state, orders));
         if let Err(error) = written {
             let text = format!("no part of an order begins: {error:#}");
             output::warning(&text);
