@@ -35,10 +35,7 @@ pub fn diagnose_together(paths: &[String]) -> anyhow::Result<Report> {
             let of = |path: &String| {
                 read(path, last).map_err(|error| error.context(format!("joint_fit({path})")))
             };
-            let sessions = several
-                .iter()
-                .map(of)
-                .collect::<anyhow::Result<Vec<_>>>()?;
+            let sessions = several.iter().map(of).collect::<anyhow::Result<Vec<_>>>()?;
             let (report, _) =
                 diagnose_together_with_residuals(&sessions, &[], &Options::default())?;
             Ok(report)
