@@ -53,43 +53,66 @@ impl std::fmt::Display for Gap {
     }
 }
 
-/// Numbers of one life of a publisher, each with its publish time.
+/// Numbers of one life of a publisher.
 #[derive(Debug, Default)]
 struct Life {
-    numbers: BTreeMap<u32, u64>,
+    /// First and last number of each unbroken run, in order: of a whole recording there is one.
+    runs: Vec<[u32; 2]>,
     /// Latest publish time.
     latest: u64,
+    /// Lowest number that was published after the time that was asked for.
+    fresh: Option<u32>,
 }
 
 impl Life {
-    /// True where a message cannot be of this life: a number again at another time, or a lower one published later.
+    /// True where a message cannot be of this life: it has a number that was there, or a lower one, and was published later.
     fn ends_before(&self, number: u32, published: u64) -> bool {
-        match self.numbers.get(&number) {
-            Some(known) => *known != published,
-            None => self.last().is_some_and(|last| number < last) && published > self.latest,
+        self.last().is_some_and(|last| number <= last) && published > self.latest
+    }
+
+    fn add(&mut self, number: u32, published: u64, since: u64) {
+        self.latest = self.latest.max(published);
+        if published > since && self.fresh.is_none_or(|fresh| number < fresh) {
+            self.fresh = Some(number);
+        }
+        // The runs that begin at this number or before.
+        let before = self.runs.partition_point(|run| run[0] <= number);
+        let (left, right) = self.runs.split_at_mut(before);
+        let left = left
+            .last_mut()
+            .filter(|run| number <= run[1].saturating_add(1));
+        let right = right
+            .first_mut()
+            .filter(|run| run[0] == number.saturating_add(1));
+        match (left, right) {
+            (Some(left), Some(right)) if number > left[1] => {
+                left[1] = right[1];
+                self.runs.remove(before);
+            }
+            (Some(left), _) => left[1] = left[1].max(number),
+            (None, Some(right)) => right[0] = number,
+            (None, None) => self.runs.insert(before, [number; 2]),
         }
     }
 
-    fn add(&mut self, number: u32, published: u64) {
-        self.numbers.insert(number, published);
-        self.latest = self.latest.max(published);
-    }
-
     fn last(&self) -> Option<u32> {
-        self.numbers.last_key_value().map(|(number, _)| *number)
+        self.runs.last().map(|run| run[1])
     }
 }
 
 impl Bag {
-    /// Lives of the publishers of each topic, in order.
-    fn lives(&self) -> BTreeMap<String, Vec<Life>> {
+    /// Lives of the publishers of each topic, in order. `since`: publish time of each topic after which its first number is sought.
+    fn lives(&self, since: &BTreeMap<String, u64>) -> BTreeMap<String, Vec<Life>> {
         let mut lives: BTreeMap<String, Vec<Life>> = BTreeMap::new();
         for channel in self.channels() {
             lives.entry(channel.topic.clone()).or_default();
         }
         // Damage is reported by the bag itself.
         for message in self.messages().flatten() {
-            let of_topic = lives.entry(message.channel.topic.clone()).or_default();
+            let topic = &message.channel.topic;
+            let Some(of_topic) = lives.get_mut(topic) else {
+                continue;
+            };
             let (number, published) = (message.sequence, message.publish_time);
             if of_topic
                 .last()
@@ -98,7 +121,7 @@ impl Bag {
                 of_topic.push(Life::default());
             }
             if let Some(life) = of_topic.last_mut() {
-                life.add(number, published);
+                life.add(number, published, since.get(topic).copied().unwrap_or(0));
             }
         }
         lives
@@ -112,9 +135,15 @@ impl Bag {
         if !self.library().starts_with(LIBRARY) {
             return Vec::new();
         }
-        let after = later.map(Self::lives).unwrap_or_default();
+        let own = self.lives(&BTreeMap::new());
+        let latest = |lives: &Vec<Life>| lives.last().map_or(0, |life| life.latest);
+        let until = own
+            .iter()
+            .map(|(topic, lives)| (topic.clone(), latest(lives)));
+        let until = until.collect();
+        let after = later.map(|later| later.lives(&until)).unwrap_or_default();
         let mut gaps = Vec::new();
-        for (topic, lives) in self.lives() {
+        for (topic, lives) in own {
             let mut gap = |first: u32, last: u32, evidence| {
                 let topic = topic.clone();
                 gaps.push(Gap {
@@ -125,30 +154,48 @@ impl Bag {
                 });
             };
             for life in &lives {
-                let numbers: Vec<u32> = life.numbers.keys().copied().collect();
-                for pair in numbers.windows(2) {
-                    if pair[1] > pair[0] + 1 {
-                        gap(pair[0] + 1, pair[1] - 1, LossEvidence::SameRecording);
-                    }
+                for pair in life.runs.windows(2) {
+                    gap(pair[0][1] + 1, pair[1][0] - 1, LossEvidence::SameRecording);
                 }
             }
             let Some(next) = after.get(&topic).and_then(|lives| lives.first()) else {
                 continue;
             };
-            let (known, latest) = lives
-                .last()
-                .map_or((None, 0), |life| (life.last(), life.latest));
-            let fresh = next
-                .numbers
-                .iter()
-                .find(|(_, published)| **published > latest);
+            let known = lives.last().and_then(Life::last);
             let begin = known.map_or(0, |last| last.saturating_add(1));
-            if let Some((&first, _)) = fresh
+            if let Some(first) = next.fresh
                 && first > begin
             {
                 gap(begin, first - 1, LossEvidence::LaterRecording);
             }
         }
         gaps
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use rand::{Rng as _, SeedableRng as _};
+    use rand_pcg::Pcg64;
+
+    use super::*;
+
+    #[test]
+    fn runs_hold_what_a_set_of_all_numbers_does() {
+        let mut random = Pcg64::seed_from_u64(5);
+        for _ in 0..200 {
+            let (mut life, mut set) = (Life::default(), BTreeSet::new());
+            for _ in 0..random.random_range(1..80) {
+                let number = random.random_range(0..60);
+                life.add(number, 1, 0);
+                set.insert(number);
+            }
+            let listed: Vec<u32> = life.runs.iter().flat_map(|run| run[0]..=run[1]).collect();
+            assert_eq!(listed, set.iter().copied().collect::<Vec<_>>());
+            assert!(life.runs.windows(2).all(|pair| pair[1][0] > pair[0][1] + 1));
+            assert_eq!(life.fresh, set.first().copied());
+        }
     }
 }
