@@ -192,7 +192,7 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
         })
         .collect();
     let mut comparison = Comparison::new(&session);
-    let mut published: BTreeMap<(&'static str, Key), Vec<u8>> = BTreeMap::new();
+    let mut published = Published::default();
     let mut progress = true;
     while progress {
         progress = false;
@@ -219,13 +219,39 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
     Ok(comparison.report(&players))
 }
 
+/// What the nodes have published. What is equal to the recording is not kept a second time.
+#[derive(Default)]
+struct Published {
+    /// Number of the last message of each process of the producer of a topic.
+    last: BTreeMap<(&'static str, u32), u64>,
+    /// Messages that are other than recorded, or not recorded.
+    other: BTreeMap<(&'static str, Key), Vec<u8>>,
+}
+
+impl Published {
+    fn payload<'a>(
+        &'a self,
+        topic: &'static str,
+        key: Key,
+        session: &Session<'a>,
+    ) -> Option<&'a [u8]> {
+        let other = self.other.get(&(topic, key)).map(Vec::as_slice);
+        let is_there = || {
+            self.last
+                .get(&(topic, key.0))
+                .is_some_and(|&last| key.1 <= last)
+        };
+        other.or_else(|| session.payload(topic, key).filter(|_| is_there()))
+    }
+}
+
 /// One step of a player, or `None` when its next input is not there (yet).
 fn advance(
     player: &mut Player<'_>,
     factory: &Factory,
     session: &Session<'_>,
     wiring: &Wiring,
-    published: &BTreeMap<(&'static str, Key), Vec<u8>>,
+    published: &Published,
 ) -> Option<Emitted> {
     let listed = player.steps.get(player.next)?;
     let &Listed {
@@ -243,8 +269,7 @@ fn advance(
         let key = player.key(step, topic.name, session);
         let payload = if wiring.producer(topic.name).is_some() {
             published
-                .get(&(topic.name, key))
-                .map(Vec::as_slice)
+                .payload(topic.name, key, session)
                 .or_else(|| session.unjournaled(topic.name, key))
         } else {
             session.input(topic.name, key, listed)
@@ -271,7 +296,7 @@ fn settle(
     emitted: Emitted,
     now: Stamp,
     comparison: &mut Comparison<'_>,
-    published: &mut BTreeMap<(&'static str, Key), Vec<u8>>,
+    published: &mut Published,
 ) {
     for (at, id) in emitted.timers {
         player.pending.entry(id).or_default().push(at.max(now));
@@ -281,8 +306,10 @@ fn settle(
         let topic = described.name;
         let key = player.published.entry(topic).or_insert((0, 0));
         key.1 += 1;
-        comparison.compare(described, *key, now, &payload);
-        published.insert((topic, *key), payload);
+        published.last.insert((topic, key.0), key.1);
+        if !comparison.compare(described, *key, now, &payload) {
+            published.other.insert((topic, *key), payload);
+        }
     }
 }
 
@@ -301,21 +328,23 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    fn compare(&mut self, topic: &Topic, key: Key, at: Stamp, recomputed: &[u8]) {
+    /// True where the recording has the same bytes.
+    fn compare(&mut self, topic: &Topic, key: Key, at: Stamp, recomputed: &[u8]) -> bool {
         let (topic, message) = (topic.name, topic.message);
         let counts = self.compared.entry(topic).or_default();
         let Some(recorded) = self.session.payload(topic, key) else {
             counts.2 += 1;
-            return;
+            return false;
         };
+        let same = recorded == recomputed;
         // DDS pads the end of a payload, so a message that differs is looked at in its canonical bytes.
-        if recorded == recomputed
+        if same
             || message
                 .canonical(recorded)
                 .is_ok_and(|canonical| canonical == recomputed)
         {
             counts.0 += 1;
-            return;
+            return same;
         }
         counts.1 += 1;
         if self.first.as_ref().is_none_or(|first| at < first.at) {
@@ -327,6 +356,7 @@ impl<'a> Comparison<'a> {
                 recomputed: recomputed.to_vec(),
             });
         }
+        false
     }
 
     fn report(self, players: &[Player<'_>]) -> Report {

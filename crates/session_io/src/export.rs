@@ -11,7 +11,8 @@ use probecell_msgs::{
 };
 use report::{PartSession, size_records};
 
-use crate::record::{Reader, gather};
+use crate::reader::Reader;
+use crate::record::gather;
 
 /// What the recording holds for other systems.
 ///

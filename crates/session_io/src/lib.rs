@@ -32,6 +32,7 @@ pub mod import;
 pub mod imported;
 pub mod order;
 mod parts;
+mod reader;
 pub mod record;
 pub mod reference;
 pub mod sizes;
@@ -39,6 +40,7 @@ mod unrecorded;
 pub mod write;
 
 pub use parts::{Diagnosed, diagnosed};
+pub use reader::Reader;
 
 use std::path::Path;
 

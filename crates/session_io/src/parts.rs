@@ -8,7 +8,7 @@ use diagnosis::{DeclaredEffect, Options, Report, Residuals, Session, diagnose_wi
 use graph::topics;
 use probecell_msgs::{Correction, CorrectionAcknowledgement, CorrectionKind, InspectionPlan};
 
-use crate::record::Reader;
+use crate::reader::Reader;
 use crate::{Measured, declared, measured_of, messages, plain};
 
 /// A recording that was diagnosed.

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::Path};
 use anyhow::bail;
 use bags::{Bag, Damage, Gap};
 use diagnosis::Options;
-use graph::{Topic, topics};
+use graph::topics;
 use probecell_msgs::{
     Fault, InspectionPlan, LossReport, Message, PartReport, ProbeEvent, ReferenceMeasurement,
     TouchDeviation,
@@ -14,6 +14,7 @@ use report::{Page, PartSession, ShortDiagnosis, part_page, part_session, shift_p
 
 use crate::diagnosed;
 use crate::embedded;
+use crate::reader::Reader;
 use crate::sizes::by_reference;
 use crate::unrecorded::before_the_first;
 
@@ -213,36 +214,5 @@ pub fn namespace(bag: &Bag, path: &Path) -> anyhow::Result<String> {
             path.display(),
             several.join(", ")
         ),
-    }
-}
-
-/// Reads the topics of a cell.
-pub struct Reader<'a> {
-    /// The recording.
-    pub bag: &'a Bag,
-    /// `/` and the name of the cell.
-    pub namespace: &'a str,
-}
-
-impl Reader<'_> {
-    /// All messages of a topic that can be read; none if it was not recorded.
-    ///
-    /// # Errors
-    /// A message that is not of its type.
-    pub fn all<M: Message>(&self, topic: Topic) -> anyhow::Result<Vec<M>> {
-        let name = format!("{}/{}", self.namespace, topic.name);
-        if self.bag.channels_of(&name).next().is_none() {
-            return Ok(Vec::new());
-        }
-        let mut messages = Vec::new();
-        for message in self.bag.typed::<M>(&name)? {
-            match message {
-                Ok(stamped) => messages.push(stamped.message),
-                // Told with all other damage of the bag.
-                Err(bags::Error::Damaged(_)) => {}
-                Err(error) => return Err(error.into()),
-            }
-        }
-        Ok(messages)
     }
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::onset::Change;
-use crate::report::{Effect, numbers::grouped, summary::group_text};
+use crate::report::{Effect, numbers::grouped};
 
 /// Plans that are named of those left out for one reason.
 const NAMED: usize = 3;
@@ -113,7 +113,7 @@ impl Changed {
     fn text(&self) -> String {
         let [before, after] = self.rms.map(|rms| rms * 1e6);
         let cause = self.cause.as_ref();
-        let cause = cause.map_or_else(|| "no known effect".to_owned(), group_text);
+        let cause = cause.map_or_else(|| "no known effect".to_owned(), Effect::of_group);
         let from = &self.plan_id;
         format!("changed from {from} on by {before:.2} µm rms: {cause} (leaves {after:.2} µm)")
     }

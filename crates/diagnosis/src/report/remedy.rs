@@ -9,6 +9,14 @@ use crate::report::{Effect, ParameterEstimate};
 const MOST: usize = 3;
 
 impl Effect {
+    /// What may act, in words: the whole group, never one of it as certain.
+    pub(crate) fn of_group(&self) -> String {
+        match self.group.as_slice() {
+            [] | [_] => self.effect.clone(),
+            group => format!("one of {}", group.join(", ")),
+        }
+    }
+
     /// What a person does about it, with its size; `None` outside the vocabulary.
     pub fn remedy(&self) -> Option<String> {
         if let Some(zero) = &self.joint_zero {

@@ -22,7 +22,7 @@ impl fmt::Display for Report {
         writeln!(to, "{}: {verdict}", self.bag)?;
         for (number, effect) in self.effects.iter().enumerate() {
             let by = if number == 0 { "by" } else { "and" };
-            writeln!(to, "  {by} {}", group_text(effect))?;
+            writeln!(to, "  {by} {}", effect.of_group())?;
         }
         if self.is_explained_together() {
             writeln!(
@@ -137,7 +137,7 @@ fn write_effect(
     micro: &dyn Fn(f64) -> String,
 ) -> fmt::Result {
     let (before, after) = (micro(effect.rms_before), micro(effect.rms_after));
-    let name = group_text(effect);
+    let name = effect.of_group();
     let probability = probability_text(effect.probability);
     writeln!(
         to,
@@ -170,14 +170,6 @@ fn write_effect(
     }
     // Where the cause is ambiguous, so is what to do about it.
     writeln!(to, "    the data do not determine which of them acts")
-}
-
-/// What may act, in words: the whole group, never one of it as certain.
-pub(crate) fn group_text(effect: &Effect) -> String {
-    match effect.group.as_slice() {
-        [] | [_] => effect.effect.clone(),
-        group => format!("one of {}", group.join(", ")),
-    }
 }
 
 /// A probability: never 1 or 0 by rounding.

@@ -12,7 +12,7 @@ use probecell_msgs::InspectionPlan;
 use serde_json::json;
 use session_io::evaluation::{evaluate, lines};
 use session_io::order::measuring_order;
-use session_io::{is_cell_file, record};
+use session_io::{Reader, is_cell_file, record};
 
 use super::selection::Selection;
 use crate::{GOOD, output, ros_arguments::read_cell};
@@ -66,9 +66,7 @@ pub(crate) fn run(source: &Path, as_json: bool, selection: &Selection) -> anyhow
 fn plans(bag: &Bag, source: &Path) -> anyhow::Result<Vec<InspectionPlan>> {
     let namespace = &record::namespace(bag, source)?;
     let mut plans: Vec<InspectionPlan> = Vec::new();
-    for plan in
-        (record::Reader { bag, namespace }).all::<InspectionPlan>(topics::INSPECTION_PLAN)?
-    {
+    for plan in (Reader { bag, namespace }).all::<InspectionPlan>(topics::INSPECTION_PLAN)? {
         plans.retain(|known| known.plan_id != plan.plan_id);
         plans.push(plan);
     }
