@@ -56,6 +56,21 @@ fn socket(path: &Path) -> PathBuf {
     path.with_extension("ticks")
 }
 
+/// The connection of this process to the clock that it follows, until it joins.
+static CONNECTED: Mutex<Option<UnixStream>> = Mutex::new(None);
+
+/// Connects a process of the cell to the simulated clock that it follows, if it follows one, before it loses the right to.
+///
+/// # Errors
+/// Nobody keeps that clock.
+pub fn connect() -> io::Result<()> {
+    if let Some(path) = clock::simulated() {
+        let stream = UnixStream::connect(socket(path))?;
+        *CONNECTED.lock().unwrap_or_else(PoisonError::into_inner) = Some(stream);
+    }
+    Ok(())
+}
+
 /// Follows the clock at `path`, where one runs there.
 pub fn follow(path: &Path) {
     if UnixStream::connect(socket(path)).is_ok()
@@ -499,8 +514,8 @@ pub struct Member {
 }
 
 impl Member {
-    /// Joins the clock that this process follows; none where it follows the clock of the system. `on_wake` is called on a thread of
-    /// its own when a timer is due.
+    /// Joins the clock to which this process has connected; none where it follows the clock of the system. `on_wake` is called on a
+    /// thread of its own when a timer is due.
     ///
     /// # Errors
     /// What the system says of socket and thread.
@@ -510,10 +525,13 @@ impl Member {
         takes: Vec<String>,
         on_wake: impl Fn() -> bool + Send + 'static,
     ) -> io::Result<Option<Self>> {
-        let Some(path) = clock::simulated() else {
+        let connected = CONNECTED
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
+        let Some(mut stream) = connected else {
             return Ok(None);
         };
-        let mut stream = UnixStream::connect(socket(path))?;
         let introduction = Introduction {
             name: name.to_owned(),
             publishes,

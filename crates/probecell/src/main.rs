@@ -120,10 +120,8 @@ fn begin_process(supervised: bool, clock: Option<CellClock>) -> anyhow::Result<(
     let Some(clock) = clock else {
         return Ok(());
     };
-    clock
-        .clone()
-        .follow()
-        .with_context(|| format!("--clock {clock}"))
+    let followed = (clock.clone().follow()).and_then(|()| host::sim_time::connect());
+    followed.with_context(|| format!("--clock {clock}"))
 }
 
 fn run(command: Command) -> anyhow::Result<u8> {
