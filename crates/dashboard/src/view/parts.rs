@@ -57,7 +57,7 @@ fn orders(cell: &CellState, takes_acts: bool) -> Markup {
     html! {
         table.orders {
             caption { "Orders" @if !held.is_empty() { ", held: " (minus(held)) @if takes_acts { " " (deed(cell, "release", "", "Release")) } } }
-            thead { tr { th { "No." } th { "Parts" } th { "Begun" } th { "State" } th {} } }
+            thead { tr { th { "No." } th { "Parts" } th { "Begun" } th { "State" } @if takes_acts { th { "Act" } } } }
             tbody {
                 @for (place, one) in cell.orders.orders.iter().take(ORDERS).enumerate() {
                     @let number = one.order_id.to_string();
@@ -66,8 +66,8 @@ fn orders(cell: &CellState, takes_acts: bool) -> Markup {
                         td { (readable(&one.part_id)) }
                         td { (one.begun) " of " (one.count) }
                         td { (Order::word(one.state)) }
-                        td {
-                            @if takes_acts {
+                        @if takes_acts {
+                            td {
                                 @if one.state == Order::INTERRUPTED { (deed(cell, "release", &number, "Make again")) " " }
                                 @if place > 0 { (deed(cell, "first", &number, "First")) " " }
                                 (deed(cell, "cancel", &number, "Cancel"))

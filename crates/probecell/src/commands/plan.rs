@@ -21,9 +21,10 @@ use crate::{GOOD, output, ros_arguments::read_cell};
 pub(crate) fn run(source: &Path, as_json: bool, selection: &Selection) -> anyhow::Result<u8> {
     if !is_cell_file(source) {
         let bag = Bag::open(source)?;
-        let plans = plans(&bag, source)?;
-        if plans.len() > 1 || selection.is_given() {
-            return list(plans, as_json, selection);
+        let plans = plans(&bag, source);
+        // What cannot be read is named below.
+        if selection.is_given() || plans.as_ref().is_ok_and(|plans| plans.len() > 1) {
+            return list(plans?, as_json, selection);
         }
     }
     let (planned, status) = if is_cell_file(source) {
