@@ -357,7 +357,7 @@ def a_disk_that_fails_stops_the_part_and_the_cell(folder):
     assert code == 1 and "part punch: stopped" in output, (code, output, errors)
     assert "Input/output error" in errors and "must not run unrecorded" in errors, errors
     after = recorded(folder)
-    assert after["order_requests"] == 1 and all(after[topic] >= count for topic, count in before.items()), (before, after)
+    assert after["order_requests"] >= 1 and all(after[topic] >= count for topic, count in before.items()), (before, after)
 
 
 def a_recording_that_is_taken_away_stops_the_part_and_is_kept(folder):
