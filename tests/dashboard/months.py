@@ -18,7 +18,7 @@ import time
 
 from mcap.reader import make_reader
 from mcap.writer import Writer
-from pages import ADDRESS, ROOT, Browser, asked, kit, started
+from pages import ADDRESS, BINARY, ROOT, Browser, asked, kit, started
 from playwright.sync_api import sync_playwright
 
 from kit.recordings import decoded
@@ -73,7 +73,7 @@ def make(folder, made):
         assert code == 0, errors
         later(raw, made / f"week_{week + 1:02}.mcap", week * WEEK)
         if week + 1 == ADOPTED:
-            status, report = asked("diagnose", raw, "--json", folder=folder)
+            _, report, _ = kit.run(BINARY, "diagnose", raw, "--json", folder=folder)
             (folder / "report.json").write_text(report)
             status, told = asked("adopt", "report.json", "--cell", cell, "--as", EFFECT, folder=folder)
             assert status == 0, told
