@@ -168,7 +168,8 @@ def check_upgrade(way, new, first):
     (running,) = set(recordings(debian)) - {pathlib.Path(first).name}
     kept = sums(debian, f"{KEPT}/.config", first, "/etc/probecell")
     keys = probecell(debian, "key", "list", "--cell", CELL)
-    # It waits for an approval until the upgrade ends it.
+    # A part was stopped before. This one waits for an approval until the upgrade ends it.
+    probecell(debian, "orders", "resume", "--cell", CELL)
     probecell(debian, "run", "interrupted", "--cell", CELL)
     cell.says("waits for approval")
     before = {unit: way.process(unit) for unit in (CELL_UNIT, ROUTER, DASHBOARD)}
