@@ -45,16 +45,7 @@ pub fn diagnosed(
     let measurement = plan.map_or(Measurement::Last, |plan| {
         Measurement::Named(plan.to_owned())
     });
-    let Measured {
-        session,
-        mut remarks,
-    } = measured_of(bag, &measurement, model)?;
-    if let (None, Some(last)) = (plan, session.plan.as_ref().filter(|_| plans.len() > 1)) {
-        let (last, others) = (&last.plan_id, plans.len() - 1);
-        remarks.push(format!(
-            "one part was measured: its last measurement {last:?} is diagnosed, {others} before it are not (--plan NAME)"
-        ));
-    }
+    let Measured { session, remarks } = measured_of(bag, &measurement, model)?;
     let (report, residuals) = diagnose_with_residuals(&session, options)?;
     Ok(Diagnosed {
         report,
