@@ -609,7 +609,7 @@ def a_stranger_reads_and_commands_nothing(folder):
             topics = {(one[9], one[10], one[11]) for one in tokens if one[5] in ("MP", "MS")}
             services = {(one[9], one[10], one[11]) for one in tokens if one[5] == "SS"}
             of_the_cell = [name for name, _, _ in services if name.count("%") == 2]
-            whole = len(topics) > 50 and len(of_the_cell) == 7 and {"machine_state", "operator", "recorder"} <= {one[8] for one in tokens}
+            whole = len(topics) > 50 and len(of_the_cell) == 8 and {"machine_state", "operator", "recorder"} <= {one[8] for one in tokens}
             return whole and (topics, services)
 
         topics, services = until("the whole graph", seen)
