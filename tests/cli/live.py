@@ -91,7 +91,7 @@ def cell_that_is_ready(cell, folder, more=(), **how):
 
 
 def part_is_asked_for(cell, folder):
-    # A part that was stopped before holds the orders.
+    # Two requests: a part that was stopped before holds the orders.
     asked("orders", "resume", "--cell", cell, folder=folder)
     code, output, errors = asked("run", "punch", "--cell", cell, folder=folder)
     assert code == 0, (output, errors)
@@ -357,7 +357,7 @@ def a_disk_that_fails_stops_the_part_and_the_cell(folder):
     assert code == 1 and "part punch: stopped" in output, (code, output, errors)
     assert "Input/output error" in errors and "must not run unrecorded" in errors, errors
     after = recorded(folder)
-    assert after["order_requests"] >= 1 and all(after[topic] >= count for topic, count in before.items()), (before, after)
+    assert after["order_requests"] == 2 and all(after[topic] >= count for topic, count in before.items()), (before, after)
 
 
 def a_recording_that_is_taken_away_stops_the_part_and_is_kept(folder):
@@ -382,7 +382,7 @@ def a_recording_that_is_taken_away_stops_the_part_and_is_kept(folder):
         kept = place / "away" if what == "moved" else bag.with_name(f"{bag.name}_kept")
         code, output, errors = asked("info", kept, "--json", folder=place)
         topics = {topic["topic"]: topic["messages"] for topic in json.loads(output)["topics"]}
-        assert topics["/turn_mill/order_requests"] >= 1 and topics["/turn_mill/controller_status"] > 10, (what, topics, errors)
+        assert topics["/turn_mill/order_requests"] == 2 and topics["/turn_mill/controller_status"] > 10, (what, topics, errors)
 
 
 def a_dashboard_that_dies_is_started_again(folder):

@@ -27,15 +27,15 @@ use crate::report::measurements::{Changed, LeftOut, Measurements};
 use crate::report::residuals::TouchResiduals;
 
 /// Stretches over all kinds, and rows over all stretches, at most.
-const STRETCHES: usize = 24;
-const ROWS: usize = 4000;
+const MAX_STRETCHES: usize = 24;
+const MAX_ROWS: usize = 4000;
 /// A touch this many standard deviations from those of its stretch at its point met a chip; and the least count that tells.
-const CHIP: f64 = 6.0;
-const TOLD: usize = 5;
+const CHIP_DEVIATIONS: f64 = 6.0;
+const MIN_READINGS: usize = 5;
 /// Share of the touches of a part that met a chip at most.
-const CHIPS: f64 = 0.1;
+const MAX_CHIP_SHARE: f64 = 0.1;
 /// Least standard deviation of a touch, m.
-const FINEST: f64 = 5e-8;
+const MIN_TOUCH_SD: f64 = 5e-8;
 /// False alarms in 1,000 parts at which a change is reported: the default of the node `gap`.
 const FALSE_ALARMS: f64 = 1.0;
 
@@ -197,7 +197,7 @@ impl Recording {
         self.kinds.retain(|kind| !kind.taken.is_empty());
         let kinds = self.kinds.len();
         // Evenly over the recording, whose order the kinds have.
-        let stride = kinds.div_ceil(STRETCHES).max(1);
+        let stride = kinds.div_ceil(MAX_STRETCHES).max(1);
         let mut number = 0;
         let left_out = &mut self.left_out;
         self.kinds.retain(|kind| {
@@ -216,8 +216,8 @@ impl Recording {
             first.session.declared.clone(),
         );
         let rows: usize = self.kinds.iter().map(|kind| kind.rows.rows.len()).sum();
-        let each = (STRETCHES / self.kinds.len())
-            .min(ROWS / rows.max(1))
+        let each = (MAX_STRETCHES / self.kinds.len())
+            .min(MAX_ROWS / rows.max(1))
             .max(1);
         let superseded = &self.superseded;
         let mut stretches: Vec<Stretch> = (self.kinds.iter())
@@ -365,13 +365,14 @@ impl Kind {
         }
         let middles: Vec<f64> = by_row.iter().map(|all| median(all)).collect();
         let off = |reading: &Reading| (reading.deviation - middles[reading.row]).abs();
-        let told = |reading: &&Reading| by_row[reading.row].len() >= TOLD;
+        let told = |reading: &&Reading| by_row[reading.row].len() >= MIN_READINGS;
         let all = taken.iter().flat_map(|taken| &taken.readings).filter(told);
-        let spread = (MAD_FACTOR * median(&all.map(off).collect::<Vec<f64>>())).max(FINEST);
+        let spread = (MAD_FACTOR * median(&all.map(off).collect::<Vec<f64>>())).max(MIN_TOUCH_SD);
         let of_part = |taken: &Taken| {
-            let is_far = |reading: &Reading| told(&reading) && off(reading) > CHIP * spread;
+            let is_far =
+                |reading: &Reading| told(&reading) && off(reading) > CHIP_DEVIATIONS * spread;
             let far: Vec<bool> = taken.readings.iter().map(is_far).collect();
-            let most = ((CHIPS * far.len() as f64) as usize).max(1);
+            let most = ((MAX_CHIP_SHARE * far.len() as f64) as usize).max(1);
             let few = far.iter().filter(|&&far| far).count() <= most;
             far.into_iter().map(|far| far && few).collect()
         };

@@ -17,14 +17,14 @@ use host::{
     bus_qos,
 };
 use probecell_msgs::{
-    CdrError, Correction, InspectionPlan, Message, PartReport, PlanProgress, Service, from_cdr,
-    srv, to_cdr,
+    CdrError, Correction, InspectionPlan, Message, Orders, PartReport, PlanProgress, Service,
+    from_cdr, srv, to_cdr,
 };
 
 use crate::{
     FAILED, GOOD,
     cell_bus::{CellFailure, visitor_config},
-    operator::private::{LAST_PART, PROPOSALS},
+    operator::private::{LAST_PART, ORDERS, PROPOSALS},
     output,
     own_socket::{COMMAND_PATIENCE, OwnSocket},
     ros_arguments::read_cell,
@@ -190,16 +190,32 @@ impl CellClient {
 
     /// The report of the last part, which the cell keeps for late joiners.
     pub(crate) fn last_part(&self) -> anyhow::Result<Option<PartReport>> {
-        if let Some(known) = self.listed(LAST_PART)? {
+        self.newest(LAST_PART, topics::PART_REPORTS)
+    }
+
+    /// The orders on disk, which the cell keeps for late joiners.
+    pub(crate) fn orders(&self) -> anyhow::Result<Orders> {
+        Ok(self
+            .newest(ORDERS, topics::KEPT_ORDERS)?
+            .unwrap_or_default())
+    }
+
+    /// The newest message of a latched topic: by the private socket, else by the bus, where a stranger reads it too.
+    fn newest<M: Message + Send + 'static>(
+        &self,
+        name: &str,
+        topic: Topic,
+    ) -> anyhow::Result<Option<M>> {
+        if let Some(known) = self.listed(name)? {
             return Ok(known.into_iter().next());
         }
-        let mut last = None;
-        let take = |report: PartReport| {
-            last = Some(report);
+        let mut newest = None;
+        let take = |message: M| {
+            newest = Some(message);
             ControlFlow::Break(())
         };
-        self.kept(topics::PART_REPORTS, KEPT_TIMEOUT, take)?;
-        Ok(last)
+        self.kept(topic, KEPT_TIMEOUT, take)?;
+        Ok(newest)
     }
 
     /// The first message on a latched topic that is wanted; none within [`REPLY_TIMEOUT`].

@@ -9,6 +9,7 @@
 mod processes;
 
 use std::{
+    io::ErrorKind,
     path::Path,
     str::FromStr,
     sync::{Arc, atomic::AtomicBool, atomic::Ordering},
@@ -110,7 +111,9 @@ pub(crate) fn up(file: &Path, wanted: Wanted) -> anyhow::Result<u8> {
     let confined = Routing::confine(&cell, recorded)?;
     let end = signals::end_flag()?;
     let clock = (clock.zip(speed))
-        .map(|(place, Speed(speed))| place.start(speed, processes_of(&cell, recorded)))
+        .map(|(place, Speed(speed))| {
+            place.start(speed, cell.node_names().len() + usize::from(recorded))
+        })
         .transpose()?
         .map(Arc::new);
     let mut routing = Routing::start(&cell)?;
@@ -239,12 +242,13 @@ fn clock_place(cell: &Cell) -> anyhow::Result<ClockPlace> {
         CellClock::Simulated(place.path().to_owned()).follow()?;
         Ok(made)
     });
-    made.with_context(|| format!("--speed: the clock of cell {}", cell.cell.name))
-}
-
-/// Number of the processes that act by the clock of a cell.
-fn processes_of(cell: &Cell, recorded: bool) -> usize {
-    cell.node_names().len() + usize::from(cell.driver_process().is_some()) + usize::from(recorded)
+    made.map_err(|error| match error.kind() {
+        ErrorKind::AddrInUse => anyhow::anyhow!(
+            "{file}: cell.name = {:?}: a cell of this name runs here already, on simulated time",
+            cell.cell.name
+        ),
+        _ => anyhow::Error::from(error).context("--speed: the clock of the cell"),
+    })
 }
 
 /// Where the cell answers its own user whatever strangers do to the bus. Without it commands come by the bus alone.

@@ -77,7 +77,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
             status = FAILED;
         }
     }
-    let orders = listed(&client)?;
+    let orders = client.orders()?;
     client.close()?;
     if arguments.json {
         output::json(&json(&orders))?;
@@ -89,12 +89,6 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 
 /// The service of the cell.
 pub(super) const SERVICE: &str = "manage_orders";
-
-/// The orders of the cell.
-pub(super) fn listed(client: &CellClient) -> anyhow::Result<Orders> {
-    let list = srv::ManageOrdersRequest::default();
-    Ok(client.call::<srv::ManageOrders>(SERVICE, &list)?.orders)
-}
 
 /// As `orders` and `status` print them with `--json`.
 pub(super) fn json(orders: &Orders) -> serde_json::Value {

@@ -9,7 +9,7 @@ use std::{
 use graph::topics;
 use probecell_msgs::{Order, OrderRequest, Orders, PartReport, srv};
 
-use super::orders::{SERVICE, listed, print_held};
+use super::orders::{SERVICE, print_held};
 use crate::{
     FAILED, GOOD,
     cell_client::{CellClient, Followed},
@@ -65,7 +65,7 @@ fn wait_for(
 ) -> anyhow::Result<bool> {
     // Runs of the order that are known, and whether each was reported.
     let mut runs: BTreeMap<String, bool> = BTreeMap::new();
-    let (mut known, mut reported) = (listed(client)?, 0);
+    let (mut known, mut reported) = (client.orders()?, 0);
     loop {
         let order = known.orders.iter().find(|one| one.order_id == id);
         if let Some(order) = order.filter(|one| !one.run_id.is_empty()) {
@@ -86,7 +86,7 @@ fn wait_for(
                     reported += 1;
                     print(&report, reported, count);
                     if report.verdict != PartReport::QUALIFIED {
-                        print_held(&listed(client)?);
+                        print_held(&client.orders()?);
                         return Ok(false);
                     }
                 }
@@ -96,7 +96,7 @@ fn wait_for(
                     return Ok(false);
                 }
                 // A cell that is gone reports nothing any more.
-                None => known = listed(client)?,
+                None => known = client.orders()?,
             }
         } else if order.is_none() {
             if reported < count {
@@ -106,7 +106,7 @@ fn wait_for(
         } else {
             known = match orders.next(deadline)? {
                 Some(orders) => orders,
-                None => listed(client)?,
+                None => client.orders()?,
             };
         }
     }

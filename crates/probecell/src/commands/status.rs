@@ -74,8 +74,7 @@ fn ask(file: &Path, with_last: bool) -> anyhow::Result<Asked> {
         PartStatus::NONE if with_last => client.last_part()?,
         _ => None,
     };
-    // A stranger reads the state, and not the list.
-    let orders = orders::listed(&client).unwrap_or_default();
+    let orders = client.orders()?;
     client.close()?;
     Ok(Asked {
         status,

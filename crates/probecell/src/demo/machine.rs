@@ -30,7 +30,7 @@ use crate::{
     },
 };
 
-/// Of the clock of each cell.
+/// Speed of the clock of each cell.
 const SPEED: &str = "max";
 /// Requests for further touches after which a group of causes stays one.
 const ROUNDS: usize = 4;

@@ -15,9 +15,10 @@ use super::{
 
 /// Services of the bus that are answered here too.
 const SHARED: [&str; 4] = ["status", "stop", "approve_correction", "manage_orders"];
-/// Corrections that wait for an operator, and the last part: of each a list of messages, see [`list`].
+/// Corrections that wait for an operator, the last part, and the orders on disk: of each a list of messages, see [`list`].
 pub(crate) const PROPOSALS: &str = "proposals";
 pub(crate) const LAST_PART: &str = "last_part";
+pub(crate) const ORDERS: &str = "orders";
 
 /// All that is answered.
 pub(super) fn all(
@@ -29,6 +30,7 @@ pub(super) fn all(
         .map(|one| (one.name, Arc::clone(&one.answering)))
         .collect();
     let (of_proposals, of_part) = (Arc::clone(state), Arc::clone(state));
+    let of_orders = Arc::clone(state);
     all.insert(
         PROPOSALS,
         Arc::new(move |_| list(lock(&of_proposals).health.waiting.values())),
@@ -36,6 +38,10 @@ pub(super) fn all(
     all.insert(
         LAST_PART,
         Arc::new(move |_| list(lock(&of_part).last.iter())),
+    );
+    all.insert(
+        ORDERS,
+        Arc::new(move |_| list(std::iter::once(&lock(&of_orders).orders))),
     );
     all
 }

@@ -34,6 +34,9 @@ pub(super) fn expiry() -> Stamp {
     host::now().after_s(VALIDITY)
 }
 
+/// Kind of a call of `manage_orders` that lists them and changes nothing.
+const LIST: u8 = 0;
+
 /// A call whose reply is awaited.
 pub(super) struct Asked {
     reply_topic: &'static str,
@@ -145,15 +148,12 @@ impl RequestPublishers {
         &self,
         asked: srv::ManageOrdersRequest,
     ) -> Result<(u64, OperatorReply), String> {
-        if asked.kind == 0 {
-            let accepted = true;
-            return Ok((
-                0,
-                OperatorReply {
-                    accepted,
-                    ..OperatorReply::default()
-                },
-            ));
+        if asked.kind == LIST {
+            let listed = OperatorReply {
+                accepted: true,
+                ..OperatorReply::default()
+            };
+            return Ok((0, listed));
         }
         let order_id = match asked.kind {
             OrderRequest::ADD => {
