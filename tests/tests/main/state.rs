@@ -222,6 +222,19 @@ fn not_converging() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// Tools that wear at each cut, on a machine that warms up.
+fn wearing() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(|text| {
+        let warming = "[simulator.machine.warming]\nshift_um = [4.0, -3.0, 6.0]\ntime_constant_s = 60.0\n\n[simulator.plant]";
+        text.replace("error_um = 20.0", "error_um = 20.0\nwear_per_cut_um = 5.0")
+            .replace("[simulator.plant]", warming)
+    });
+    let mut session = Session::new(&cell);
+    session.make("punch");
+    session.make("second");
+    (cell, session.finish())
+}
+
 /// A pass is cut again before its first correction.
 fn springing() -> (Cell, Vec<Published>) {
     let cell =
@@ -619,6 +632,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         two_drivers(),
         not_converging(),
         springing(),
+        wearing(),
         five_axis(),
         calibrating(),
         clamped(),
