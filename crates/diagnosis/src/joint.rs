@@ -2,13 +2,14 @@
 //!
 //! The part's pose is fitted anew in every session and is never a cause here; on an arm so is where the probe sits on the
 //! flange, since tool and workpiece are registered together. Families of the library that act alike in every session are
-//! judged together ([`crate::families`]), on left-out stretches, or on whole withheld sessions where there are any. Slips and
-//! drifts, which belong to one session, and the second order on curved surfaces are left to the diagnosis of one session.
+//! judged together ([`crate::families`]), on left-out stretches, or on whole withheld sessions where there are any. Slips, which
+//! belong to one session, drifts where the sessions have no common clock, and the second order on curved surfaces are left to the
+//! diagnosis of one session.
 
 mod rows;
 
 use effects::DeclaredEffect;
-use effects::effect::Subject;
+use effects::effect::{Coordinate, Subject};
 use effects::library;
 use effects::registry::acts_on;
 use effects::session::{Session, SessionError};
@@ -46,6 +47,7 @@ pub fn diagnose_together_with_residuals(
             .first()
             .map(|session| session.robot_description.as_str()),
         declared: (fit.first()).map_or(&[][..], |session| session.declared.as_slice()),
+        has_one_clock: false,
     };
     diagnose_joined(&heading, &joined, options)
         .map(|(report, touches)| (report, Residuals::Touches(vec![touches])))
@@ -58,6 +60,8 @@ pub(crate) struct Heading<'a> {
     pub(crate) measured: Option<String>,
     pub(crate) robot_description: Option<&'a str>,
     pub(crate) declared: &'a [DeclaredEffect],
+    /// The times of all sessions count from the same instant.
+    pub(crate) has_one_clock: bool,
 }
 
 /// Explains joined rows of touches, those of the fitted sessions first.
@@ -89,8 +93,13 @@ fn judge(
         .collect();
     let poses = joined.poses.concat();
     let mut variants = impossible.left_out(library(observations));
+    // Where each clamping has a pose, a drift between parts is that of the poses.
+    let drifts = heading.has_one_clock && observations.cut_here;
     variants.retain(|variant| {
-        let own = acts_on(&variant.effect).is_some_and(|acts| acts.subject == Subject::Session);
+        let own = acts_on(&variant.effect).is_some_and(|acts| {
+            let is_drift = acts.smooth_in.contains(&Coordinate::Time);
+            acts.subject == Subject::Session && !(drifts && is_drift)
+        });
         let registered = joined
             .registered
             .iter()

@@ -6,9 +6,11 @@
 //!   stretches                     joint: machine, probe and process common to all, each clamping's pose and what was corrected apart
 //! ```
 //!
-//! A kind is a pass of the parts with its points. What a pass leaves that another pass cuts away, and what a wear correction has
+//! [`tools`] looks over all passes of each tool for wear and for an edge that broke. A kind is a pass of the parts with its points. What a pass leaves that another pass cuts away, and what a wear correction has
 //! changed, is a constant of the tool in each stretch and names no cause. Cost and memory do not grow with the measurements but
 //! for their deviations. Times count from the first message of the recording. Metres, seconds.
+
+mod tools;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -55,10 +57,17 @@ pub fn part_and_pass(plan_id: &str) -> (String, String) {
 /// What was corrected before a measurement.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Corrected {
+    /// Corrections of the wear of each tool so far.
+    pub wear: BTreeMap<u32, usize>,
+    /// Corrections of other kinds so far.
+    pub others: usize,
+}
+
+impl Corrected {
     /// Corrections of any kind so far.
-    pub count: usize,
-    /// Tools whose wear was corrected.
-    pub tools: BTreeSet<u32>,
+    fn count(&self) -> usize {
+        self.others + self.wear.values().sum::<usize>()
+    }
 }
 
 /// One measurement, reduced to its deviations.
@@ -66,8 +75,15 @@ struct Taken {
     plan_id: String,
     /// First touch, ns since 1970.
     at: i64,
-    tools: BTreeSet<u32>,
+    corrected: Corrected,
     readings: Vec<Reading>,
+}
+
+impl Taken {
+    /// Tools whose wear was corrected before it.
+    fn tools(&self) -> impl Iterator<Item = &u32> {
+        self.corrected.wear.keys()
+    }
 }
 
 /// One touch.
@@ -137,8 +153,8 @@ impl Recording {
             self.superseded.insert(before);
         }
         // As in the node `gap`: what is corrected changes, and is no finding.
-        if corrected.count > self.corrections {
-            self.corrections = corrected.count;
+        if corrected.count() > self.corrections {
+            self.corrections = corrected.count();
             for kind in &mut self.kinds {
                 kind.watch = ChangeMonitor::default();
             }
@@ -159,7 +175,7 @@ impl Recording {
         let taken = Taken {
             plan_id: plan.plan_id.clone(),
             at: stamps.min().unwrap_or(0),
-            tools: corrected.tools.clone(),
+            corrected: corrected.clone(),
             readings: kind.readings(observed),
         };
         kind.taken.push(taken);
@@ -187,6 +203,7 @@ impl Recording {
         options: &Options,
     ) -> Result<(Report, TouchResiduals), SessionError> {
         let since = self.changes.iter().map(|change| change.since).max();
+        let trends = tools::trends(&self.kinds);
         let mut before = Vec::new();
         for kind in &mut self.kinds {
             let is_before = |taken: &Taken| since.is_some_and(|since| taken.at < since);
@@ -234,6 +251,7 @@ impl Recording {
             measured: self.measured.clone(),
             robot_description: Some(&text),
             declared: &declared,
+            has_one_clock: true,
         };
         let registered: Vec<Vec<u32>> = (stretches.iter())
             .map(|one| one.tools.iter().copied().collect())
@@ -261,6 +279,7 @@ impl Recording {
             stretches: averaged,
             before_change: compared,
             changes: self.changes.iter().map(Changed::from).collect(),
+            tools: trends,
             corrected_tools: tools.into_iter().collect(),
             left_out: (self.left_out.into_iter())
                 .map(|(reason, plans)| LeftOut { reason, plans })
@@ -343,8 +362,10 @@ impl Kind {
 
     /// Means of consecutive measurements, at most so many, parted where another tool has been corrected.
     fn stretches(&self, most: usize, is_superseded: bool) -> Vec<Stretch> {
-        let runs: Vec<&[Taken]> =
-            (self.taken.chunk_by(|one, other| one.tools == other.tools)).collect();
+        let runs: Vec<&[Taken]> = (self
+            .taken
+            .chunk_by(|one, other| one.tools().eq(other.tools())))
+        .collect();
         let own = |run: &[Taken]| (most * run.len() / self.taken.len()).max(1);
         let parts = runs.iter().flat_map(|run| {
             let (chips, spread) = self.chips(run);
@@ -432,7 +453,11 @@ impl Kind {
         let cut_by = rows.rows.iter().filter_map(|row| row.tool);
         let mut tools: BTreeSet<u32> = cut_by.collect();
         if !is_superseded {
-            tools.retain(|tool| taken.iter().any(|taken| taken.tools.contains(tool)));
+            tools.retain(|tool| {
+                taken
+                    .iter()
+                    .any(|taken| taken.corrected.wear.contains_key(tool))
+            });
         }
         let ends =
             [taken.first(), taken.last()].map(|one| one.map_or("", |one| one.plan_id.as_str()));

@@ -51,8 +51,13 @@ impl Session {
         if first.sec == 0 {
             return None;
         }
-        Some(humantime::format_rfc3339_seconds(first.into()).to_string())
+        Some(utc(first))
     }
+}
+
+/// An instant to the second, RFC 3339.
+pub fn utc(at: Time) -> String {
+    humantime::format_rfc3339_seconds(at.into()).to_string()
 }
 
 /// Why a session cannot be diagnosed.

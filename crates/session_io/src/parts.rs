@@ -150,10 +150,14 @@ impl Corrections {
 
     /// Those before an instant, ns since 1970.
     fn before(&self, at: i64) -> Corrected {
-        let before = self.0.iter().filter(|(applied, _)| *applied < at);
-        Corrected {
-            count: before.clone().count(),
-            tools: before.filter_map(|(_, tool)| *tool).collect(),
+        let mut corrected = Corrected::default();
+        for (_, tool) in self.0.iter().filter(|(applied, _)| *applied < at) {
+            let count = match tool {
+                Some(tool) => corrected.wear.entry(*tool).or_default(),
+                None => &mut corrected.others,
+            };
+            *count += 1;
         }
+        corrected
     }
 }

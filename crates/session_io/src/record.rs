@@ -32,19 +32,17 @@ pub fn read(path: &Path) -> anyhow::Result<(PartSession, Vec<Damage>)> {
     Ok((session, damage))
 }
 
-/// The page of a session: of several parts the report of the shift, else the record of the part, with its last measurement diagnosed
-/// in short; `remark` hears what a person must know of that.
+/// The page of a session: of several parts the report of the shift, else the record of the part, with the recording at `path`
+/// diagnosed in short; `link` as [`shift_page`] has it, and `remark` hears what a person must know of the diagnosis.
 ///
 /// # Errors
 /// A picture that cannot be drawn.
 pub fn page(
     path: &Path,
     session: &PartSession,
+    link: &dyn Fn(usize) -> Option<String>,
     remark: &mut dyn FnMut(&str),
 ) -> anyhow::Result<Page> {
-    if shift_parts(session).len() > 1 {
-        return Ok(shift_page(session, &|_| None)?);
-    }
     let command = format!("probecell diagnose {} --html FILE", session.name);
     let made = Bag::open(path).map_err(anyhow::Error::from);
     let made = made.and_then(|bag| {
@@ -62,7 +60,11 @@ pub fn page(
             ShortDiagnosis::None(&reason)
         }
     };
-    Ok(part_page(session, short)?)
+    Ok(if shift_parts(session).len() > 1 {
+        shift_page(session, short, link)?
+    } else {
+        part_page(session, short)?
+    })
 }
 
 /// The record of one part of a session of several.

@@ -36,7 +36,7 @@ impl PartRecord {
         let mut remarks = Vec::new();
         let page = py.detach(|| {
             let mut remark = |text: &str| remarks.push(text.to_owned());
-            session_io::record::page(&self.path, &self.session, &mut remark)
+            session_io::record::page(&self.path, &self.session, &|_| None, &mut remark)
         });
         warn(py, &remarks)?;
         page.map_err(input)

@@ -1,5 +1,7 @@
 //! What a report of several measurements of one recording says of them. Metres; instants in ns since 1970.
 
+use effects::session::utc;
+use probecell_msgs::builtin_interfaces::Time;
 use serde::{Deserialize, Serialize};
 
 use crate::onset::Change;
@@ -24,12 +26,43 @@ pub struct Measurements {
     /// Changes of the gap, in the order of their detection.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub changes: Vec<Changed>,
+    /// Tools that wear or have broken: `process.tool_wear` over the parts.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub tools: Vec<ToolTrend>,
     /// Tools whose constant material was fitted in each stretch: corrected, or cut again by a later pass.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub corrected_tools: Vec<u32>,
     /// Measurements that were not used.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub left_out: Vec<LeftOut>,
+}
+
+/// What a tool leaves from pass to pass, along the normal of what it cut.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToolTrend {
+    /// Its number.
+    pub tool: u32,
+    /// Passes that were measured.
+    pub passes: usize,
+    /// 95 % interval of the material that each pass leaves more than the one before, m; none where it is not sure to be other than 0.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub per_pass: Option<[f64; 2]>,
+    /// All tools with a trend have the same one: a drift of machine, probe or parts would look the same.
+    pub is_like_others: bool,
+    /// Steps, in the order of time.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub steps: Vec<ToolStep>,
+}
+
+/// A tool leaves more or less from one pass on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToolStep {
+    /// The first measurement of it.
+    pub plan_id: String,
+    /// Its first touch, ns since 1970.
+    pub since: i64,
+    /// 95 % interval of the change, m.
+    pub change: [f64; 2],
 }
 
 /// Measurements that were not used.
@@ -82,6 +115,7 @@ impl Measurements {
             self.stretches
         )];
         lines.extend(self.changes.iter().map(Changed::text));
+        lines.extend(self.tools.iter().flat_map(ToolTrend::lines));
         if self.before_change > 0 {
             let count = grouped(self.before_change);
             lines.push(format!(
@@ -106,6 +140,37 @@ impl Measurements {
             format!("left out: {count} ({named}{more}): {}", left.reason)
         }));
         lines
+    }
+}
+
+impl ToolTrend {
+    fn lines(&self) -> Vec<String> {
+        let amount = |[low, high]: [f64; 2], digits: usize| {
+            let (value, half) = (f64::midpoint(low, high) * 1e6, (high - low) * 0.5e6);
+            let more = if value < 0.0 { "less" } else { "more" };
+            format!("{:.digits$} ± {half:.digits$} µm {more}", value.abs())
+        };
+        let tool = self.tool;
+        let wear = self.per_pass.map(|per_pass| {
+            let cause = if self.is_like_others {
+                "wear of all tools alike, or a drift of machine, probe or parts"
+            } else if per_pass[0] > 0.0 {
+                "it wears (process.tool_wear)"
+            } else {
+                "it grows, or the machine drifts"
+            };
+            let more = amount(per_pass, 2);
+            format!(
+                "tool {tool} leaves {more} at each of {} passes: {cause}",
+                self.passes
+            )
+        });
+        let steps = self.steps.iter().map(|step| {
+            let (more, from) = (amount(step.change, 1), &step.plan_id);
+            let at = utc(Time::from_nanos(step.since));
+            format!("tool {tool} leaves {more} from {from} on ({at}): its edge broke, or it moved or was changed")
+        });
+        wear.into_iter().chain(steps).collect()
     }
 }
 

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use ::report::{Page, PartSession, part_session, run_of, shift_page, shift_parts};
+use ::report::{Page, PartSession, part_session, run_of, shift_parts};
 use anyhow::{Context, bail};
 use probecell_msgs::PartReport;
 use session_io::{record, sizes};
@@ -40,10 +40,17 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let parts = shift_parts(&session);
     let page = match parts.as_slice() {
         [part] if arguments.selection.is_given() => record::of_part(&session, part)?,
-        _ => record::page(&arguments.bag, &session, &mut output::remark)?,
+        [_, _, ..] => {
+            let folder = match &arguments.html {
+                Some(file) => Some(write_parts(&session, &parts, file)?),
+                None => None,
+            };
+            let link = |index| Some(format!("{}/{}", folder.as_ref()?, of_index(index)));
+            record::page(&arguments.bag, &session, &link, &mut output::remark)?
+        }
+        _ => record::page(&arguments.bag, &session, &|_| None, &mut output::remark)?,
     };
     match &arguments.html {
-        Some(file) if parts.len() > 1 => write_shift(&session, &parts, file)?,
         Some(file) => write(file, &page)?,
         None => output::line(page.text().trim_end()),
     }
@@ -78,8 +85,12 @@ fn write(file: &Path, page: &Page) -> anyhow::Result<()> {
     fs::write(file, page.html()).with_context(|| format!("cannot write {}", file.display()))
 }
 
-/// The report of the shift, and beside it the page of each part in the folder `FILE_parts`.
-fn write_shift(session: &PartSession, parts: &[&PartReport], file: &Path) -> anyhow::Result<()> {
+/// The page of each part in the folder `FILE_parts`, whose name is returned.
+fn write_parts(
+    session: &PartSession,
+    parts: &[&PartReport],
+    file: &Path,
+) -> anyhow::Result<String> {
     let stem = file.file_stem().unwrap_or_default().to_string_lossy();
     // As it stands it is an address, too.
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "-._".contains(letter);
@@ -87,12 +98,18 @@ fn write_shift(session: &PartSession, parts: &[&PartReport], file: &Path) -> any
     let name = format!("{stem}_parts");
     let folder = file.with_file_name(&name);
     fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    let of = |index: usize| format!("{:03}.html", index + 1);
     for (index, part) in parts.iter().enumerate() {
-        write(&folder.join(of(index)), &record::of_part(session, part)?)?;
+        write(
+            &folder.join(of_index(index)),
+            &record::of_part(session, part)?,
+        )?;
     }
-    let link = |index| Some(format!("{name}/{}", of(index)));
-    write(file, &shift_page(session, &link)?)
+    Ok(name)
+}
+
+/// Name of the page of a part, by its place among those of the shift.
+fn of_index(index: usize) -> String {
+    format!("{:03}.html", index + 1)
 }
 
 /// The page of a recording, or of one of its parts, by its place among them.
@@ -101,8 +118,10 @@ pub(super) fn html(bag: &Path, part: Option<usize>) -> anyhow::Result<String> {
     let parts = shift_parts(&session);
     let page = match part.and_then(|index| parts.get(index)) {
         Some(part) => record::of_part(&session, part)?,
-        None if parts.len() > 1 => shift_page(&session, &|index| Some(format!("?part={index}")))?,
-        None => record::page(bag, &session, &mut output::remark)?,
+        None => {
+            let link = |index| Some(format!("?part={index}"));
+            record::page(bag, &session, &link, &mut output::remark)?
+        }
     };
     Ok(page.html())
 }

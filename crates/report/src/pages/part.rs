@@ -354,7 +354,8 @@ fn troubles(page: &mut Page, session: &PartSession) {
     page.list(&losses);
 }
 
-fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
+/// Adds the diagnosis in short.
+pub(super) fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
     page.heading("Diagnosis");
     match diagnosis {
         ShortDiagnosis::Made(report, command) => {
@@ -362,10 +363,9 @@ fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
             page.list(&conclusion::findings(report));
             conclusion::groups(page, report);
             next(page, report);
-            let of = report.measurements.as_ref().map_or_else(
-                || "the last measurement".to_owned(),
-                |all| format!("{}, {}", all.heading(), all.lines().join("; ")),
-            );
+            let all = report.measurements.as_ref();
+            page.list(&all.map(|all| all.lines()).unwrap_or_default());
+            let of = all.map_or_else(|| "the last measurement".to_owned(), |all| all.heading());
             page.paragraph(&format!("Of {of}. The full page is made by: {command}"));
         }
         ShortDiagnosis::None(reason) => {

@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use probecell_msgs::{FeatureResult, PartReport, PlanId, builtin_interfaces::Time};
 
 use self::process::{Characteristic, characteristics};
-use super::part::{PartSession, latest, record, time};
+use super::part::{PartSession, ShortDiagnosis, latest, record, short as short_diagnosis, time};
 use crate::kit::{Page, PlotError, Table};
 
 /// Letters of a name of a part or a feature in a table.
@@ -117,12 +117,13 @@ fn began(session: &PartSession, run: &str) -> Option<i64> {
     own.map(|one| one.header.stamp.nanos()).min()
 }
 
-/// The page; `link` gives the address of the page of a part by its place among [`shift_parts`], nothing where there is none.
+/// The page, with the diagnosis of all measurements in short; `link` gives the address of the page of a part by its place among [`shift_parts`], nothing where there is none.
 ///
 /// # Errors
 /// [`PlotError`] when a picture cannot be drawn.
 pub fn shift_page(
     session: &PartSession,
+    diagnosis: ShortDiagnosis<'_>,
     link: &dyn Fn(usize) -> Option<String>,
 ) -> Result<Page, PlotError> {
     let session = &latest(session);
@@ -134,6 +135,7 @@ pub fn shift_page(
     process::add(&mut page, &all)?;
     events::corrections(&mut page, session);
     events::gaps(&mut page, session, &parts);
+    short_diagnosis(&mut page, diagnosis);
     page.heading("Parts")
         .table(&table_of(session, &parts, link));
     page.paragraph(&format!(

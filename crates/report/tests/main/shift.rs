@@ -4,7 +4,7 @@ use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, OperationRequest,
     PartReport, Verdict, builtin_interfaces::Time, std_msgs::Header,
 };
-use report::{PartSession, part_session, shift_page, shift_parts};
+use report::{PartSession, ShortDiagnosis, part_session, shift_page, shift_parts};
 use roxmltree::Document;
 
 fn header(seconds: i64) -> Header {
@@ -108,6 +108,8 @@ fn shift() -> PartSession {
     session
 }
 
+const NONE: ShortDiagnosis<'_> = ShortDiagnosis::None("the session was made by hand");
+
 fn fits(text: &str) {
     let long = text.lines().find(|line| line.chars().count() > 100);
     assert_eq!(long, None);
@@ -118,7 +120,7 @@ fn a_shift_tells_verdicts_capability_corrections_and_stops_and_leads_to_each_par
     let session = shift();
     assert_eq!(shift_parts(&session).len(), 31);
     let link = |index: usize| Some(format!("s_parts/{index}.html"));
-    let page = shift_page(&session, &link).expect("a page");
+    let page = shift_page(&session, NONE, &link).expect("a page");
     let text = page.text();
     fits(&text);
     let told = text.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -200,7 +202,7 @@ fn any_number_of_parts_and_features_with_any_names_has_a_page() {
         );
         add(&mut session, number, &name, (number % 4) as u8, &features);
     }
-    let page = shift_page(&session, &|_| None).expect("a page");
+    let page = shift_page(&session, NONE, &|_| None).expect("a page");
     fits(&page.text());
     assert!(!page.html().contains('\u{1b}'));
     for count in 0..3 {
@@ -208,6 +210,6 @@ fn any_number_of_parts_and_features_with_any_names_has_a_page() {
             parts: session.parts[..count].to_vec(),
             ..PartSession::default()
         };
-        shift_page(&few, &|_| None).expect("a page");
+        shift_page(&few, NONE, &|_| None).expect("a page");
     }
 }
