@@ -57,6 +57,7 @@
 pub mod bus;
 pub mod clock;
 pub mod driver;
+pub mod log_limit;
 pub mod parameters;
 pub mod private;
 pub mod process;

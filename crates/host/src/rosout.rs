@@ -19,6 +19,7 @@ use tracing_subscriber::{Layer, layer::Context};
 use crate::{
     bus::{Bus, BusError, Publisher, Qos},
     clock::now,
+    log_limit::shortened,
 };
 
 /// Absolute name of the topic.
@@ -56,7 +57,7 @@ pub fn publish(bus: &Bus, namespace: &str, node: &str) -> Result<(), BusError> {
 pub fn log(level: Level, text: &str) {
     enqueue(Log {
         level: code(level),
-        msg: text.to_owned(),
+        msg: shortened(text).to_owned(),
         ..Log::default()
     });
 }
@@ -78,7 +79,7 @@ impl<S: tracing::Subscriber> Layer<S> for RosoutLayer {
         event.record(&mut text);
         enqueue(Log {
             level: code(*metadata.level()),
-            msg: text.message + &text.fields,
+            msg: shortened(&(text.message + &text.fields)).to_owned(),
             file: metadata.file().unwrap_or_default().to_owned(),
             function: metadata.module_path().unwrap_or_default().to_owned(),
             line: metadata.line().unwrap_or_default(),

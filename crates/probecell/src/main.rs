@@ -65,10 +65,11 @@ fn main() -> ExitCode {
         )
     });
     let terminal = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
+        .with_writer(|| host::log_limit::Terminal)
         .with_ansi(std::io::stderr().is_terminal());
     tracing_subscriber::registry()
         .with(filter)
+        .with(host::log_limit::layer())
         .with(terminal)
         .with(host::rosout::layer())
         .init();
