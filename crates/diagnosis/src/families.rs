@@ -22,6 +22,7 @@ use inference::candidate::Candidate;
 use inference::cross_validation::HeldOut;
 use inference::posterior::ModelPosterior;
 use inference::relevance::over_rows;
+use metrology::statistics::rms;
 
 use crate::report::residuals::{self, TouchResiduals};
 use crate::report::{Report, Rung, Verdict};
@@ -38,7 +39,7 @@ const QUIET: f64 = 1.3;
 /// The same where the first names a cause that the evidence beside small remainders does not support.
 const AS_QUIET: f64 = 1.2;
 /// The first explains all where it leaves less than this many times the noise of left-out stretches. Then the second predicts as
-/// well where it leaves at most this many times what the first does.
+/// well where it leaves at most this many times what the first does; by as much less of single poses is better.
 const COMPLETE: f64 = 1.2;
 const AS_GOOD: f64 = 1.05;
 
@@ -62,7 +63,7 @@ pub(crate) fn better_of(
         return first;
     };
     let quiet = |times: f64| judged.fit.sizes.noise.sqrt() < times * first.0.gap.noise_floor;
-    let left = left_of(&judged, attribution, set);
+    let (left, by_pose) = left_of(&judged, attribution, set);
     let own = judged.closure.last().copied().unwrap_or(0.0).sqrt();
     let gap = first.0.gap.rms;
     // Where something unknown alone acts, no known effect closes so much on touches that were not fitted, but for a function of the
@@ -75,7 +76,13 @@ pub(crate) fn better_of(
     // What the first explains down to the noise, the second must predict as well.
     let complete = left < COMPLETE * first.0.gap.noise_floor && own > AS_GOOD * left;
     let unsupported = !judged.supports(&first.0.effects) && !complete && quiet(AS_QUIET);
-    if judged.named.is_empty() || !(missed || unsupported) {
+    // Of two that name the same, the better one speaks.
+    let better = judged.names(&first.0.effects)
+        && own < AS_GOOD * left
+        && AS_GOOD * size(&judged.left_out(judged.named.len())).rms < by_pose;
+    // A form of guideways is a process over the place to the first, whatever its size.
+    let formed = judged.has_form() && own < MISSED * left;
+    if judged.named.is_empty() || !(missed || unsupported || better || formed) {
         return first;
     }
     let (mut report, touches) = second(session, observations, &judged, &attribution.y, first.0);
@@ -91,8 +98,8 @@ pub(crate) fn better_of(
     (report, touches)
 }
 
-/// What the first opinion leaves on left-out stretches, m.
-fn left_of(judged: &Judged, attribution: &ModelPosterior, set: &[usize]) -> f64 {
+/// What the first opinion leaves on left-out stretches, and of single poses, m.
+fn left_of(judged: &Judged, attribution: &ModelPosterior, set: &[usize]) -> (f64, f64) {
     let mut bare = judged.bare.clone();
     let mut sizes = bare.start();
     for &member in set {
@@ -101,9 +108,11 @@ fn left_of(judged: &Judged, attribution: &ModelPosterior, set: &[usize]) -> f64 
         bare.extend(&over_rows(&columns, &judged.active));
     }
     let Some(fit) = bare.fit(sizes) else {
-        return f64::INFINITY;
+        return (f64::INFINITY, f64::INFINITY);
     };
-    judged.stretches.left_out(&bare, &fit).sqrt()
+    let ways = judged.stretches.residuals(&bare, &fit);
+    let by_pose = ways.first().map_or(0.0, |own| rms(own));
+    (judged.stretches.left_out(&bare, &fit).sqrt(), by_pose)
 }
 
 /// Columns of a candidate at parameters of usual size.

@@ -31,8 +31,8 @@ const ROUNDS: usize = 4;
 const KEPT: f64 = 0.85;
 /// Least share of the mean square of left-out stretches that a family closes.
 const CLOSES: f64 = 0.02;
-/// The same for a family that the evidence has left to the remainders, which is named only while more than this share of the gap
-/// is left.
+/// The same for a form of guideways, and for a family that the evidence has left to the remainders, which is named only while
+/// more than this share of the gap is left.
 const CLOSES_MUCH: f64 = 0.5;
 const MAIN: f64 = 0.35;
 /// Of an effect that acts more rarely by so many nats, the share that it closes is larger: half for 3 nats.
@@ -86,6 +86,22 @@ impl Judged {
             is_shaped(&effect.effect) || group.any(|name| evident.contains(name.as_str()))
         };
         effects.iter().filter(|effect| effect.held_out).all(held)
+    }
+
+    /// True where it names a form of guideways.
+    pub(super) fn has_form(&self) -> bool {
+        let guideways = &self.pool.form.1;
+        let mut named = self.named.iter();
+        named.any(|&family| self.pool.excluded(guideways, &self.pool.families[family]))
+    }
+
+    /// True where it names the effects of a report and no others.
+    pub(super) fn names(&self, effects: &[Effect]) -> bool {
+        let theirs = effects.iter().filter(|effect| effect.held_out);
+        let theirs: BTreeSet<&str> = theirs.map(|effect| effect.effect.as_str()).collect();
+        let own = self.named.iter();
+        let own = own.map(|&family| self.pool.families[family].effect.as_str());
+        theirs == own.collect()
     }
 }
 
@@ -141,7 +157,9 @@ impl Table<'_> {
         let noise = products.noise_beside(fit.sizes.clone())?.sqrt();
         let stretches = Stretches::new(self.observations, &active);
         let bare = products.without_remainders();
-        let (plain, closure) = confirm(&pool, &bare, &fit, &stretches)?;
+        let parts = confirm(&pool, &bare, &fit.sizes.families, &stretches)?;
+        let form = formed(&pool, &bare, (&fit, &parts), &stretches);
+        let (plain, closure) = form.unwrap_or(parts);
         Some(Judged {
             pool,
             products,
@@ -232,18 +250,52 @@ fn best_removal(pool: &Pool, products: &Products, fit: &Fit) -> Option<Fit> {
         .map(|(_, less)| less)
 }
 
+/// What is confirmed with a form of guideways. Beside a remainder over the place, which follows the same, it is not evident: it is
+/// named where it is evident without one, and closes most of what is left without it and more than the evident `parts` do.
+fn formed(
+    pool: &Pool,
+    bare: &Products,
+    (evident, parts): (&Fit, &(Fit, Vec<f64>)),
+    stretches: &Stretches,
+) -> Option<(Fit, Vec<f64>)> {
+    let (pose, guideways) = &pool.form;
+    let own = |of: &[usize], family: usize| pool.excluded(of, &pool.families[family]);
+    // In a height, where an axis is located looks like the pose of the part.
+    let lies =
+        |family: usize| own(pose, family) || pool.families[family].effect.starts_with("link.");
+    let others = evident.sizes.families.iter();
+    let others = others.filter(|&&family| !lies(family) && !own(guideways, family));
+    let mut all = bare.start();
+    for &family in others.chain(pose).chain(guideways) {
+        all = all.with(family, 1.0);
+    }
+    let mut fit = bare.fit(all).filter(|_| !guideways.is_empty())?;
+    while let Some(less) = best_removal(pool, bare, &fit) {
+        fit = less;
+    }
+    let (fit, closure) = confirm(pool, bare, &fit.sizes.families, stretches)?;
+    let mut without = fit.sizes.clone();
+    let is_guideway = |&family: &usize| own(guideways, family);
+    while let Some(place) = without.families.iter().position(is_guideway) {
+        without = without.without(place);
+    }
+    let without = stretches.left_out(bare, &bare.fit(without)?);
+    let (left, least) = (*closure.last()?, *parts.1.last()?);
+    (left < CLOSES_MUCH * without && left < (1.0 - CLOSES) * least).then_some((fit, closure))
+}
+
 /// The fit without remainders of families in the order in which they close left-out stretches, and what is left out with none of
 /// them, the first, and so on: those of `evident` as far as they close anything, then any other without which the main cause is
 /// missing.
 fn confirm(
     pool: &Pool,
     bare: &Products,
-    evident: &Fit,
+    evident: &[usize],
     stretches: &Stretches,
 ) -> Option<(Fit, Vec<f64>)> {
     let mut fit = bare.fit(bare.start())?;
     let mut closure = vec![stretches.left_out(bare, &fit)];
-    let mut rest = evident.sizes.families.clone();
+    let mut rest = evident.to_vec();
     loop {
         let evident = !rest.is_empty();
         let offered = if evident {

@@ -61,6 +61,12 @@ impl Family {
         let owns = |effect: &str| self.members.iter().any(|own| own.effect == effect);
         other.members.iter().any(|member| owns(&member.effect))
     }
+
+    /// The value of a constant of its variant.
+    fn constant(&self, name: &str) -> Option<f64> {
+        let mut constants = self.constants.iter();
+        constants.find_map(|&(own, value, _)| (own == name).then_some(value))
+    }
 }
 
 /// A variant with a nonlinear parameter, at all its tried values.
@@ -74,6 +80,9 @@ struct Scanned {
 #[derive(Clone)]
 pub(super) struct Pool {
     pub(super) families: Vec<Family>,
+    /// What a height over several slides follows where it is all that is seen: the pose of the part; straightness of each slide and
+    /// the rotations of its carriage.
+    pub(super) form: (Vec<usize>, Vec<usize>),
     scanned: Vec<Scanned>,
 }
 
@@ -139,15 +148,31 @@ impl Pool {
             }
         }
         families.extend(links);
-        let whole = |family: &Family| family.members.len() == 4;
-        families.extend(together(&families, ".straightness", whole));
-        let from_middle = |family: &Family| {
-            let mid = family.constants.iter().find(|(name, ..)| *name == "mid");
-            mid.is_none_or(|(_, mid, _)| *mid != 0.0)
-        };
-        families.extend(together(&families, ".angular", from_middle));
         families.retain(|family| !family.columns.is_empty());
-        Self { families, scanned }
+        let straight = together(&families, ".straightness", |of| of.members.len() == 4);
+        // A guideway that turns at rest bows besides, which straightness says.
+        let bent = |of: &Family| of.members.len() == 2 && of.constant("moved") == Some(1.0);
+        let bent = together(&families, ".angular", bent);
+        let linear = |of: &Family| of.members.len() == 1 && of.constant("mid") != Some(0.0);
+        let turned = together(&families, ".angular", linear);
+        let known = families.len();
+        let slides = straight.len();
+        families.extend(straight);
+        let mut form = (Vec::new(), Vec::new());
+        if slides > 1 && is_height(observations) {
+            families.extend(bent);
+            let is_pose = |&index: &usize| families[index].effect.starts_with("fixture.");
+            form = (
+                (0..known).filter(is_pose).collect(),
+                (known..families.len()).collect(),
+            );
+        }
+        families.extend(turned);
+        Self {
+            families,
+            form,
+            scanned,
+        }
     }
 
     /// True where a family cannot stand beside one of some others.
@@ -271,4 +296,17 @@ fn together(families: &[Family], tail: &str, is_way: impl Fn(&Family) -> bool) -
         }
     }
     all
+}
+
+/// True where slides alone move and all touches look along one line, so that a height is all that is seen.
+fn is_height(observations: &Observations) -> bool {
+    let chain = &observations.chain;
+    let stands = |axis: usize| {
+        let (low, high) = observations.travel(axis);
+        chain.axis(axis).kind == JointKind::Prismatic || high <= low
+    };
+    let mut normals = observations.rows.iter().map(|row| row.normal);
+    let first = normals.next();
+    (0..chain.axes().len()).all(stands)
+        && first.is_some_and(|first| normals.all(|normal| normal.dot(&first).abs() > ALONG))
 }

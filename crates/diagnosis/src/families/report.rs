@@ -7,7 +7,7 @@ use effects::ParameterEstimate;
 use effects::observation::Observations;
 use inference::cross_validation::HeldOut;
 use inference::linear::add_scaled;
-use inference::relevance::Fit;
+use inference::relevance::{Fit, Products};
 use metrology::statistics::coverage_factor;
 
 use super::judge::Judged;
@@ -32,17 +32,11 @@ impl Judged {
         self.bare.fit_in(sizes, 0)
     }
 
-    /// Left-out residuals with the first so many families, of the middle of the ways to leave out, of two the milder; `None` for
-    /// rows that are not used.
+    /// Residuals with the first so many families, each pose predicted from the others; `None` for rows that are not used.
     pub(crate) fn left_out(&self, families: usize) -> Vec<Option<f64>> {
-        let energy = |of: &Vec<f64>| of.iter().map(|value| value * value).sum::<f64>();
-        let middle = self.prefix(families).map(|fit| {
-            let mut ways = self.stretches.residuals(&self.bare, &fit);
-            ways.sort_by(|a, b| energy(a).total_cmp(&energy(b)));
-            let middle = (ways.len() - 1) / 2;
-            ways.swap_remove(middle)
-        });
-        let mut left = middle.unwrap_or_default().into_iter();
+        let fit = self.prefix(families);
+        let left = fit.map(|fit| self.stretches.residuals(&self.bare, &fit).swap_remove(0));
+        let mut left = left.unwrap_or_default().into_iter();
         let of = |&used: &bool| if used { left.next() } else { None };
         self.active.iter().map(of).collect()
     }
@@ -83,11 +77,9 @@ impl Judged {
                 })
                 .collect();
             let largest = largest(family, &self.plain.mean.as_slice()[span]);
-            let less = self.without(member);
-            let net = less
-                .as_ref()
-                .map_or(0.0, |less| self.fit.log_evidence - less.log_evidence)
-                - family.price;
+            let judged = self.without(member);
+            let gain = judged.as_ref().map_or(0.0, |(_, gain, _)| *gain);
+            let net = gain - family.price;
             effects.push(Effect {
                 effect: family.members[largest].effect.clone(),
                 probability: 1.0 / (1.0 + (-net).exp()),
@@ -96,8 +88,9 @@ impl Judged {
                 rms_after: after.rms,
                 ci95_after: after.ci95,
                 held_out: true,
-                indistinguishable_from: less
-                    .map_or_else(Vec::new, |less| self.equals(member, &less)),
+                indistinguishable_from: judged.map_or_else(Vec::new, |(products, _, less)| {
+                    self.equals(member, products, &less)
+                }),
                 group: Vec::new(),
                 alternatives: Vec::new(),
                 joint_zero: None,
@@ -135,17 +128,25 @@ impl Judged {
         rejected
     }
 
-    /// The fit without a family that the evidence holds.
-    fn without(&self, family: usize) -> Option<Fit> {
-        let mut families = self.fit.sizes.families.iter();
-        let place = families.position(|&other| other == family)?;
-        self.products.fit(self.fit.sizes.without(place))
+    /// What the evidence loses without a named family: beside remainders where it holds the family there, without them elsewhere;
+    /// with the products and the fit that are left.
+    fn without(&self, family: usize) -> Option<(&Products, f64, Fit)> {
+        let beside = |products: &Products, fit: Fit| {
+            let mut families = fit.sizes.families.iter();
+            let place = families.position(|&other| other == family)?;
+            let less = products.fit(fit.sizes.without(place))?;
+            Some((fit.log_evidence - less.log_evidence, less))
+        };
+        if let Some((gain, less)) = beside(&self.products, self.fit.clone()) {
+            return Some((&self.products, gain, less));
+        }
+        let plain = self.bare.fit(self.plain.sizes.clone())?;
+        beside(&self.bare, plain).map(|(gain, less)| (&self.bare, gain, less))
     }
 
     /// Effects that would explain as well in the place of a named family, `less` being the fit without it.
-    fn equals(&self, member: usize, less: &Fit) -> Vec<String> {
-        let net =
-            |family: usize| self.products.gain(less, family).0 - self.pool.families[family].price;
+    fn equals(&self, member: usize, products: &Products, less: &Fit) -> Vec<String> {
+        let net = |family: usize| products.gain(less, family).0 - self.pool.families[family].price;
         let least = net(member) - NOT_EXCLUDED;
         let mut equals: Vec<String> = Vec::new();
         for (other, family) in self.pool.families.iter().enumerate() {

@@ -1,25 +1,31 @@
-//! Judgement by left-out stretches: of time, of place, of poses.
+//! Judgement by left-out stretches: of time, of place, and single poses.
 //!
 //! A physical effect predicts where it was not fitted, a process does not. Rows are parted in several ways into stretches;
 //! each is predicted from all others, and the worst of the ways counts. Sizes are those of the whole. Metres.
 
+use std::ops::Range;
+
 use effects::observation::Observations;
 use inference::relevance::{Fit, Products};
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// Stretches of each way.
 const STRETCHES: usize = 8;
 /// A spread of places below this is a point, m.
 const POINT: f64 = 1e-6;
-/// Touches of one pose that an instrument sees at once, as it gives three coordinates.
-const OF_POSE: usize = 3;
 /// What keeps a nuisance that the other stretches do not show at nothing, over a column of length one.
 const FLAT: f64 = 1e-9;
-/// Multiplier that spreads successive poses over the stretches: a prime.
-const SPREAD: usize = 7919;
 
-/// Ways to part the rows in use into stretches: the stretch of each row.
-pub(super) struct Stretches(Vec<Vec<usize>>);
+/// Coordinates of a point, which an instrument gives at once: touches at the same readings in directions of their own.
+const COORDINATES: usize = 3;
+
+/// Ways to part the rows in use.
+pub(super) struct Stretches {
+    /// Rows of each pose of the machine.
+    poses: Vec<Range<usize>>,
+    /// The stretch of each row, in time and in place.
+    ways: Vec<Vec<usize>>,
+}
 
 impl Stretches {
     /// The ways of the touches in use, by their order in time.
@@ -35,12 +41,7 @@ impl Stretches {
             }
             of
         };
-        let mut ways = vec![
-            by_rank(&|row| row as f64),
-            (0..rows.len())
-                .map(|index| index / OF_POSE * SPREAD % STRETCHES)
-                .collect(),
-        ];
+        let mut ways = vec![by_rank(&|row| row as f64)];
         let place = |row: usize| observations.rows[row].position.coords;
         let middle = rows
             .iter()
@@ -57,7 +58,10 @@ impl Stretches {
             let along = eigen.eigenvectors.column(widest).into_owned();
             ways.push(by_rank(&|row| along.dot(&place(row))));
         }
-        Self(ways)
+        Self {
+            poses: poses(observations, &rows),
+            ways,
+        }
     }
 
     /// What a fit leaves of the rows in use, each predicted without its stretch: the mean of mean and median square of the worst
@@ -74,17 +78,20 @@ impl Stretches {
         ways.iter().map(of_way).fold(0.0, f64::max)
     }
 
-    /// Residuals of every row in use, predicted without its stretch at the sizes of a fit, for each way.
+    /// Residuals of every row in use at the sizes of a fit: predicted without its pose, then without its stretch of each way.
     pub(super) fn residuals(&self, products: &Products, fit: &Fit) -> Vec<Vec<f64>> {
         let (columns, y) = (products.solved(fit), products.data());
-        let (variances, noise) = (products.variances(&fit.sizes), fit.sizes.noise);
-        let whole = columns.tr_mul(&columns);
+        let ways = 1 + self.ways.len();
+        if columns.ncols() == 0 {
+            return vec![y.as_slice().to_vec(); ways];
+        }
+        let variances = products.variances(&fit.sizes);
+        let prior = variances.iter().map(|variance| fit.sizes.noise / variance);
+        let prior = DVector::from_iterator(variances.len(), prior.map(|own| own + FLAT));
+        let whole = columns.tr_mul(&columns) + DMatrix::from_diagonal(&prior);
         let right = columns.tr_mul(y);
         let of_way = |way: &Vec<usize>| {
             let mut residuals = y.as_slice().to_vec();
-            if columns.ncols() == 0 {
-                return residuals;
-            }
             for stretch in 0..STRETCHES {
                 let own: Vec<usize> = (0..way.len()).filter(|&row| way[row] == stretch).collect();
                 if own.is_empty() {
@@ -92,10 +99,7 @@ impl Stretches {
                 }
                 let left_out = columns.select_rows(&own);
                 let seen = DVector::from_iterator(own.len(), own.iter().map(|&row| y[row]));
-                let mut normal = &whole - left_out.tr_mul(&left_out);
-                for (index, variance) in variances.iter().enumerate() {
-                    normal[(index, index)] += noise / variance + FLAT;
-                }
+                let normal = &whole - left_out.tr_mul(&left_out);
                 let Some(factor) = normal.cholesky() else {
                     continue;
                 };
@@ -106,6 +110,57 @@ impl Stretches {
             }
             residuals
         };
-        self.0.iter().map(of_way).collect()
+        let mut all = Vec::with_capacity(ways);
+        all.push(self.without_pose(&columns, y, &whole, &right));
+        all.extend(self.ways.iter().map(of_way));
+        all
     }
+
+    /// Residuals without their pose in closed form: (I − H)⁻¹r, H the rows and columns of its touches in the hat matrix (Allen 1974).
+    fn without_pose(
+        &self,
+        columns: &DMatrix<f64>,
+        y: &DVector<f64>,
+        whole: &DMatrix<f64>,
+        right: &DVector<f64>,
+    ) -> Vec<f64> {
+        let Some(factor) = whole.clone().cholesky() else {
+            return y.as_slice().to_vec();
+        };
+        let mut left = y - columns * factor.solve(right);
+        let half = factor
+            .l_dirty()
+            .solve_lower_triangular(&columns.transpose());
+        for (pose, half) in half
+            .iter()
+            .flat_map(|half| self.poses.iter().map(move |of| (of, half)))
+        {
+            let own = half.columns_range(pose.clone());
+            let free = DMatrix::identity(pose.len(), pose.len()) - own.tr_mul(&own);
+            let mut part = left.rows_range_mut(pose.clone());
+            if let Some(predicted) = free.lu().solve(&part) {
+                part.copy_from(&predicted);
+            }
+        }
+        left.as_slice().to_vec()
+    }
+}
+
+/// Rows of each pose.
+fn poses(observations: &Observations, rows: &[usize]) -> Vec<Range<usize>> {
+    let mut poses: Vec<Range<usize>> = Vec::new();
+    for (number, &row) in rows.iter().enumerate() {
+        let own = &observations.rows[row];
+        let readings = |row: usize| Some(&observations.rows[row].pose.as_ref()?.latched);
+        let is_same = |last: &Range<usize>| {
+            let before = rows[number - 1];
+            let turned = observations.rows[before].normal != own.normal;
+            last.len() < COORDINATES && turned && readings(before) == readings(row)
+        };
+        match poses.last_mut() {
+            Some(last) if is_same(last) => last.end += 1,
+            _ => poses.push(number..number + 1),
+        }
+    }
+    poses
 }

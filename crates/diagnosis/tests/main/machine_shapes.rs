@@ -408,3 +408,32 @@ fn a_formed_bed_is_tilted_and_nothing_slipped() {
         }
     }
 }
+
+/// A gantry whose slides bow and whose carriage rolls, over a bed that lies far more crooked: its form is found beside the pose.
+#[test]
+fn the_form_of_a_gantry_shows_over_a_crooked_bed() {
+    let form = |x: f64, y: f64| {
+        let (u, v) = (x / 0.25, y / 0.2);
+        3e-5 * (u * u - 1.0 / 3.0) + 2e-5 * v * (v * v - 0.6) + 6e-5 * v * (u + 0.5 * u * u)
+    };
+    for (seed, turn) in [(1, [5e-3, -3e-3, 0.0]), (2, [-4e-3, 7e-3, 0.0])] {
+        let pose = Pose {
+            turn,
+            shift: [0.0, 0.0, 3e-4],
+        };
+        let report = alone(&formed_bed(&pose, form, 3e-6, seed));
+        assert!(names(&report, "fixture.tilt"), "{report}");
+        assert!(names(&report, "axis.X.straightness"), "{report}");
+        let guilty = ["fixture.tilt", "fixture.shift", "axis.X.straightness"];
+        let guilty = [
+            &guilty[..],
+            &["axis.Y.straightness", "axis.Y.angular", "axis.X.angular"],
+        ];
+        assert_eq!(
+            innocents(&report, &guilty.concat()),
+            Vec::<&str>::new(),
+            "{report}"
+        );
+        assert!(left(&report) < EXPERT * 3e-6, "{report}");
+    }
+}
