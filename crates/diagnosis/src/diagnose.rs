@@ -29,8 +29,6 @@ use crate::report::residuals::{Residuals, TouchResiduals};
 use explain::explain;
 use reporter::Reporter;
 
-/// Most touches of a session that are diagnosed: more determine no parameter better than the model holds.
-const MAX_TOUCHES: usize = 25_000;
 /// Range of the weight of a reference over that of a touch.
 pub(crate) const REFERENCE_WEIGHTS: (f64, f64) = (0.1, 10.0);
 
@@ -60,8 +58,6 @@ pub fn diagnose_with_residuals(
         };
     }
     let mut observations = observe(session)?;
-    let all = observations.touches();
-    let thinned = observations.thin(MAX_TOUCHES);
     let offered = variants(&observations, options)?;
     if is_tracked(&observations) {
         return diagnose_together_with_residuals(std::slice::from_ref(session), &[], options);
@@ -79,8 +75,8 @@ pub fn diagnose_with_residuals(
             break found;
         }
     };
-    if thinned {
-        let used = observations.touches();
+    let (used, all) = (observations.touches(), observations.usable);
+    if used < all {
         let text = format!("{used} of {all} touches, evenly spread, are diagnosed");
         whole.warnings.insert(0, text);
     }

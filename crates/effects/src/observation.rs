@@ -17,6 +17,8 @@ use crate::session::{self, Session, SessionError, seconds};
 
 /// Fewest touches that are diagnosed.
 const FEWEST: usize = 6;
+/// Most touches of a session that become rows: more determine no parameter better than the model holds.
+const MOST: usize = 25_000;
 /// An axis reads a surface whose normal it is along by more than this cosine; its position is the deviation where their squared
 /// correlation is more than this.
 const ALONG: f64 = 0.7;
@@ -128,6 +130,8 @@ pub struct Observations {
     pub reference_uncertainty: f64,
     /// Touches that were not used, by sequence and reason.
     pub skipped: Vec<(u64, &'static str)>,
+    /// Usable touches, of which those in excess of 25,000 are left out, evenly spread over the session.
+    pub usable: usize,
 }
 
 /// How one unit of a parameter shows in every row.
@@ -179,6 +183,7 @@ impl Observations {
             machine_states: &session.machine_states,
             indices: BTreeMap::new(),
             skipped: Vec::new(),
+            usable: 0,
             standing: false,
         };
         let (mut touches, mut deviations) = builder.touches(&session.events)?;
@@ -207,7 +212,9 @@ impl Observations {
             uncertainty = reference.standard_uncertainty;
             builder.references(reference, &mut touches, &mut deviations)?;
         }
-        let skipped = builder.skipped;
+        let Builder {
+            skipped, usable, ..
+        } = builder;
         Ok(Self {
             grid,
             sensors: sensors.into_iter().map(|sensor| sensor.name).collect(),
@@ -223,30 +230,10 @@ impl Observations {
             prescribed,
             reference_uncertainty: uncertainty,
             skipped,
+            usable,
             chain,
             nominal,
         })
-    }
-
-    /// Keeps about so many touches where there are more, and all references; true where it left some out. They are evenly spread
-    /// over the session whatever the period of its pattern: by the multiples of the golden ratio (Weyl 1916).
-    pub fn thin(&mut self, touches: usize) -> bool {
-        const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
-        let (all, count) = (self.rows.len(), self.touches());
-        if count <= touches {
-            return false;
-        }
-        let bound = (u64::MAX / count as u64).saturating_mul(touches as u64);
-        let kept: Vec<bool> = (0..all)
-            .map(|row| row >= count || (row as u64).wrapping_mul(GOLDEN) < bound)
-            .collect();
-        let mut flags = kept.iter();
-        self.rows.retain(|_| flags.next().is_some_and(|&kept| kept));
-        for values in std::iter::once(&mut self.deviations).chain(&mut self.declared) {
-            let mut flags = kept.iter();
-            values.retain(|_| flags.next().is_some_and(|&kept| kept));
-        }
-        true
     }
 
     /// Number of touches; they come before the references.
@@ -436,6 +423,14 @@ fn rms(values: &[f64]) -> f64 {
     (sum / values.len().max(1) as f64).sqrt()
 }
 
+/// True of about [`MOST`] numbers below `count`, of all where it is not larger; evenly spread, whatever the period of the pattern that
+/// is touched: by the multiples of the golden ratio (Weyl 1916).
+fn is_kept(number: usize, count: usize) -> bool {
+    const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
+    let share = u64::MAX / count as u64;
+    count <= MOST || (number as u64).wrapping_mul(GOLDEN) < share.saturating_mul(MOST as u64)
+}
+
 fn start_of(session: &Session) -> f64 {
     let stamps = (session
         .joint_states
@@ -467,6 +462,7 @@ struct Builder<'a> {
     machine_states: &'a [MachineState],
     indices: BTreeMap<Vec<i64>, usize>,
     skipped: Vec<(u64, &'static str)>,
+    usable: usize,
     /// True where the axes stood at targets while an instrument measured where they were.
     standing: bool,
 }
@@ -482,23 +478,57 @@ impl Builder<'_> {
                 return Err(SessionError::Conflicting(event.sequence));
             }
         }
-        let mut rows = Vec::with_capacity(by_sequence.len());
+        // What every touch needs; the rows of those that are kept are laid out afterwards, for they take a hundred times as much.
+        let axes = self.chain.axes().len();
+        let (mut usable, mut positions) = (Vec::new(), Vec::new());
         for (sequence, event) in by_sequence {
             if event.outcome != ProbeEvent::OUTCOME_TOUCHED {
                 self.skipped.push((sequence, "no touch"));
                 continue;
             }
-            let positions = machine::touch_positions(self.chain, self.plan, event)?;
-            let approach = Vector3::new(event.approach.x, event.approach.y, event.approach.z);
-            if !(event.feed.is_finite() && approach.iter().all(|value| value.is_finite())) {
+            let latched = machine::touch_positions(self.chain, self.plan, event)?;
+            let approach = [
+                event.approach.x,
+                event.approach.y,
+                event.approach.z,
+                event.feed,
+            ];
+            if !approach.iter().all(|value| value.is_finite()) {
                 self.skipped.push((sequence, "feed or approach not finite"));
                 continue;
             }
+            positions.extend(latched);
+            usable.push(event);
+        }
+        self.usable = usable.len();
+        let start = self.start;
+        let time = |event: &ProbeEvent| seconds(&event.header.stamp) - start;
+        let mut order: Vec<usize> = (0..usable.len()).collect();
+        order.sort_by(|&one, &other| time(usable[one]).total_cmp(&time(usable[other])));
+        let moves: Vec<Vec<f64>> = (0..axes)
+            .map(|axis| {
+                let read = |&touch: &usize| positions[touch * axes + axis];
+                last_moves(&order.iter().map(read).collect::<Vec<_>>())
+            })
+            .collect();
+        let mut kept: Vec<(usize, usize)> = order
+            .into_iter()
+            .enumerate()
+            .filter(|&(number, _)| is_kept(number, usable.len()))
+            .map(|(number, touch)| (touch, number))
+            .collect();
+        // Combinations of axis positions are numbered in the order of the touches' numbers.
+        kept.sort_unstable();
+        let mut rows = Vec::with_capacity(kept.len());
+        for (touch, number) in kept {
+            let (event, time) = (usable[touch], time(usable[touch]));
+            let latched = positions[touch * axes..][..axes].to_vec();
+            let approach = Vector3::new(event.approach.x, event.approach.y, event.approach.z);
             let point = event.point_index as usize;
-            let time = seconds(&event.header.stamp) - self.start;
-            let deviation = self.nominal.deviation(self.chain, point, &positions);
-            let pose = self.pose_at_contact(point, positions, &(approach * event.feed));
-            let mut row = self.row(point, Some(sequence));
+            let deviation = self.nominal.deviation(self.chain, point, &latched);
+            let mut pose = self.pose_at_contact(point, latched, &(approach * event.feed));
+            pose.arrived = moves.iter().map(|signs| signs[number]).collect();
+            let mut row = self.row(point, Some(event.sequence));
             row.index = self.index(&pose.positions);
             row.time = time;
             row.feed = event.feed;
@@ -508,17 +538,7 @@ impl Builder<'_> {
             rows.push((row, deviation));
         }
         rows.sort_by(|one, other| one.0.time.total_cmp(&other.0.time));
-        let (mut rows, deviations): (Vec<Row>, Vec<f64>) = rows.into_iter().unzip();
-        for axis in 0..self.chain.axes().len() {
-            let read = |row: &Row| row.pose.as_ref().map_or(0.0, |pose| pose.latched[axis]);
-            let positions: Vec<f64> = rows.iter().map(read).collect();
-            for (row, sign) in rows.iter_mut().zip(last_moves(&positions)) {
-                if let Some(pose) = &mut row.pose {
-                    pose.arrived[axis] = sign;
-                }
-            }
-        }
-        Ok((rows, deviations))
+        Ok(rows.into_iter().unzip())
     }
 
     /// The machine with the ball moved from where it was latched to where it touches the nominal point.
