@@ -7,6 +7,13 @@ pub mod forms;
 
 use crate::ImportError;
 
+/// Most rows and cells of a table that are held, and most cells of a row.
+const MOST_ROWS: usize = 100_000;
+const MOST_CELLS: usize = 2_000_000;
+const WIDEST: usize = 10_000;
+/// Successive rows that are held or left out together, so that most keep the row before: axes came from there.
+const RUN: u64 = 32;
+
 /// How a file of delimited text is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
@@ -60,8 +67,12 @@ pub struct Table {
     pub rows: Vec<Row>,
     /// Lines that are blank, or comments (`#` first, unless a cell `#` begins the header), in number.
     pub passed_over: u64,
-    /// Comments, with their lines.
-    pub comments: Vec<(u64, String)>,
+    /// Comments in number, and the line of the first.
+    pub comments: (u64, u64),
+    /// Rows below the header that are left out since they are very many: those held are spread evenly over the file.
+    pub left_out: u64,
+    /// How often half of the rows were left out.
+    pub halved: u32,
 }
 
 impl Table {
@@ -70,7 +81,6 @@ impl Table {
     /// # Errors
     /// A quote that is not closed or may belong to either of two cells, text behind a closing quote, or a row without its columns.
     pub fn read(text: &str, layout: Layout) -> Result<Self, ImportError> {
-        let mut rows = Vec::new();
         let mut table = Self::default();
         let text = text.trim_start_matches('\u{feff}');
         let (first, last) = layout.lines;
@@ -88,69 +98,92 @@ impl Table {
             column: 1,
             delimiter: layout.delimiter,
         };
-        let mut counts_rows = false;
+        let (mut counts_rows, mut begun, mut columns) = (false, false, 0);
+        // A wrong width is told only of a file that can be read to its end.
+        let mut wrong = Ok(());
         while let Some(row) = scanner.row()? {
             let blank = row.cells.iter().all(|cell| cell.text.is_empty());
             let first = &row.cells[0].text;
-            if rows.is_empty() && layout.header && layout.delimiter != ' ' {
+            if !begun && layout.header && layout.delimiter != ' ' {
                 counts_rows |= first == "#" && row.cells.len() > 1;
             }
             let comment = !counts_rows && first.starts_with('#');
             if comment {
-                let cells = row.cells.iter().map(|cell| cell.text.as_str());
-                let joined = cells.collect::<Vec<_>>().join(",");
-                let said = joined.trim_start_matches('#').trim().to_owned();
-                table.comments.push((row.line, said));
+                let (count, first) = table.comments;
+                table.comments = (count + 1, if count == 0 { row.line } else { first });
             }
             if blank || comment {
                 table.passed_over += 1;
-            } else {
-                rows.push(row);
+                continue;
             }
+            if !begun {
+                (begun, columns) = (true, row.cells.len());
+                if layout.header {
+                    table.header_line = row.line;
+                    table.header = row.cells.into_iter().map(|cell| cell.text).collect();
+                    continue;
+                }
+            }
+            if wrong.is_ok() {
+                wrong = match layout.delimiter {
+                    ' ' => row.as_wide_as(columns),
+                    _ => table.not_wider_than_header(&row),
+                };
+            }
+            table.push(row);
         }
-        if layout.header && !rows.is_empty() {
-            let first = rows.remove(0);
-            table.header_line = first.line;
-            table.header = first.cells.into_iter().map(|cell| cell.text).collect();
-        }
-        table.rows = rows;
-        if layout.delimiter == ' ' {
-            table.as_wide_as_its_first_row()?;
-        }
-        table.not_wider_than_its_header()?;
-        Ok(table)
+        wrong.map(|()| table)
     }
 
-    /// Between blanks an empty cell is not seen, so that a row that lacks one would be read in wrong columns.
-    fn as_wide_as_its_first_row(&self) -> Result<(), ImportError> {
-        let first = self.rows.first().map_or(0, |row| row.cells.len());
-        let columns = if self.header.is_empty() {
-            first
-        } else {
-            self.header.len()
+    /// Adds a row, unless it is one of very many.
+    fn push(&mut self, row: Row) {
+        // By the multiples of the golden ratio, whatever the period of the pattern that is measured (Weyl 1916).
+        let is_kept = |number: u64, halved: u32| {
+            let place = (number / RUN).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            place <= u64::MAX.checked_shr(halved).unwrap_or(0)
         };
-        let other = self.rows.iter().find(|row| row.cells.len() != columns);
-        other.map_or(Ok(()), |row| {
-            Err(ImportError::at(
-                row.line,
-                row.cells.last().map_or(1, |cell| cell.column),
-                format!(
-                    "the row has {} cells between blanks, and {columns} are expected: put quotes around a text with blanks, and \
-                     around nothing (\"\") for an empty cell",
-                    row.cells.len()
-                ),
-            ))
-        })
+        let number = self.rows.len() as u64 + self.left_out;
+        if !is_kept(number, self.halved) {
+            self.left_out += 1;
+            return;
+        }
+        let most = MOST_ROWS.min(MOST_CELLS / row.cells.len().max(1));
+        self.rows.push(row);
+        while self.rows.len() > most {
+            let before = self.halved;
+            self.halved += 1;
+            let mut numbers = (0..=number).filter(|&number| is_kept(number, before));
+            self.rows.retain(|_| {
+                numbers
+                    .next()
+                    .is_some_and(|number| is_kept(number, before + 1))
+            });
+            self.left_out = number + 1 - self.rows.len() as u64;
+        }
+    }
+
+    /// That no row is left out.
+    ///
+    /// # Errors
+    /// Rows are.
+    pub(crate) fn whole(&self) -> Result<(), ImportError> {
+        if self.left_out == 0 {
+            return Ok(());
+        }
+        Err(ImportError::whole(format!(
+            "the table has {} rows of {} cells; of this kind it has at most {MOST_ROWS} rows and {MOST_CELLS} cells",
+            self.rows.len() as u64 + self.left_out,
+            self.rows.first().map_or(0, |row| row.cells.len()),
+        )))
     }
 
     /// What the user may not know of a file whose columns or rows are not found; empty where there is nothing.
     pub(crate) fn hint(&self) -> String {
-        let hidden = match self.comments.as_slice() {
-            [] => String::new(),
-            [(line, _), ..] => format!(
-                "; lines that begin with # were taken for comments, {} of them from line {line} on (a column of numbers like #1 is \
-                 read where its name in the header is #)",
-                self.comments.len()
+        let hidden = match self.comments {
+            (0, _) => String::new(),
+            (count, line) => format!(
+                "; lines that begin with # were taken for comments, {count} of them from line {line} on (a column of numbers like #1 \
+                 is read where its name in the header is #)"
             ),
         };
         let other = match self.header.as_slice() {
@@ -178,19 +211,12 @@ impl Table {
     }
 
     /// A cell without a column is refused: what a decimal comma cuts in two would be read as another number.
-    fn not_wider_than_its_header(&self) -> Result<(), ImportError> {
+    fn not_wider_than_header(&self, row: &Row) -> Result<(), ImportError> {
         let columns = self.header.len();
-        if columns == 0 {
-            return Ok(());
-        }
-        let beyond = self.rows.iter().find_map(|row| {
-            let behind = row.cells.iter().skip(columns);
-            let cell = behind.into_iter().find(|cell| !cell.text.is_empty())?;
-            Some((row, cell))
-        });
-        match beyond {
+        let mut behind = row.cells.iter().skip(columns);
+        match behind.find(|cell| columns > 0 && !cell.text.is_empty()) {
             None => Ok(()),
-            Some((row, cell)) => Err(ImportError::at(
+            Some(cell) => Err(ImportError::at(
                 row.line,
                 cell.column,
                 format!(
@@ -223,8 +249,15 @@ impl Table {
                 })
                 .collect(),
         };
+        self.whole()?;
         let mut empty = 0;
-        let mut rows = Vec::new();
+        let mut table = Self {
+            header: ["X", "Y", "Z"].map(str::to_owned).to_vec(),
+            header_line: self.header_line,
+            passed_over: self.passed_over,
+            comments: self.comments,
+            ..Self::default()
+        };
         for row in &self.rows {
             for (index, x) in header.cells.iter().enumerate() {
                 let z = row
@@ -237,17 +270,12 @@ impl Table {
                 };
                 header.number(index, layout)?;
                 let cells = vec![x.clone(), row.cell(0)?.clone(), z.clone()];
-                rows.push(Row {
+                table.push(Row {
                     line: row.line,
                     cells,
                 });
             }
         }
-        let table = Self {
-            header: ["X", "Y", "Z"].map(str::to_owned).to_vec(),
-            rows,
-            ..self.clone()
-        };
         Ok((table, empty))
     }
 
@@ -316,6 +344,22 @@ impl Table {
 }
 
 impl Row {
+    /// Between blanks an empty cell is not seen, so that a row that lacks one would be read in wrong columns.
+    fn as_wide_as(&self, columns: usize) -> Result<(), ImportError> {
+        if self.cells.len() == columns {
+            return Ok(());
+        }
+        Err(ImportError::at(
+            self.line,
+            self.cells.last().map_or(1, |cell| cell.column),
+            format!(
+                "the row has {} cells between blanks, and {columns} are expected: put quotes around a text with blanks, and \
+                 around nothing (\"\") for an empty cell",
+                self.cells.len()
+            ),
+        ))
+    }
+
     /// The cell of a column.
     ///
     /// # Errors
@@ -427,6 +471,10 @@ impl Scanner<'_> {
         let mut cells = Vec::new();
         loop {
             let (cell, more) = self.cell()?;
+            if cells.len() == WIDEST {
+                let what = format!("the row has more than {WIDEST} cells");
+                return Err(ImportError::at(line, cell.column, what));
+            }
             cells.push(cell);
             if !more {
                 return Ok(Some(Row { line, cells }));
@@ -544,7 +592,7 @@ mod tests {
         let table = Table::read(text, Layout::default()).expect("a table");
         assert_eq!(table.header, ["a \"b\"", "b", "c"]);
         assert_eq!(table.passed_over, 2);
-        assert_eq!(table.comments, [(1, "made by hand".to_owned())]);
+        assert_eq!(table.comments, (1, 1));
         let row = &table.rows[0];
         assert_eq!(
             (row.line, row.cells[0].column, row.cells[1].column),
@@ -559,6 +607,45 @@ mod tests {
         );
         assert!(table.column("d").is_err() && table.column("#4").is_err());
         assert_eq!(table.column("#3"), Ok(2));
+    }
+
+    /// A pattern of 25 points, 12,000 times round: every point keeps its share, and nearly every row the one before.
+    #[test]
+    fn of_very_many_rows_some_are_held_evenly_spread() {
+        let row = |number: u64| format!("{number},{}\n", number % 25);
+        let text = |rows: u64| format!("N,P\n{}", (0..rows).map(row).collect::<String>());
+        let most = Table::read(&text(100_000), Layout::default()).expect("a table");
+        assert_eq!((most.rows.len(), most.left_out), (100_000, 0));
+        let table = Table::read(&text(300_000), Layout::default()).expect("a table");
+        let held = table.rows.len();
+        assert!((50_000..=100_000).contains(&held));
+        assert_eq!(held as u64 + table.left_out, 300_000);
+        let numbers: Vec<usize> = (table.rows.iter())
+            .map(|row| row.cells[0].text.parse().expect("its number"))
+            .collect();
+        let mut of_point = [0; 25];
+        for number in &numbers {
+            of_point[number % 25] += 1;
+        }
+        let share = held / 25;
+        assert!(
+            of_point
+                .iter()
+                .all(|count| share.abs_diff(*count) < share / 50)
+        );
+        let breaks = numbers.windows(2).filter(|pair| pair[1] != pair[0] + 1);
+        assert!(breaks.count() < held / 30);
+        let widest = format!("{}1\n", "1,".repeat(10_000));
+        let wrong = Table::read(&widest, Layout::default()).expect_err("too wide");
+        assert!(
+            wrong.to_string().contains("more than 10000 cells"),
+            "{wrong}"
+        );
+        let wrong = table.whole().expect_err("rows are left out");
+        assert!(
+            wrong.to_string().starts_with("the table has 300000 rows"),
+            "{wrong}"
+        );
     }
 
     #[test]

@@ -64,6 +64,7 @@ pub fn read_table(
     layout: Layout,
     units: &Units,
 ) -> Result<Vec<InspectionFeature>, ImportError> {
+    table.whole()?;
     let mut features: Vec<InspectionFeature> = Vec::new();
     for row in &table.rows {
         let feature = one(table, row, layout, units)?;

@@ -138,6 +138,7 @@ pub fn read_table(
     test: &Test,
     settings: &Settings,
 ) -> Result<Imported, ImportError> {
+    table.whole()?;
     let (columns, table) = if settings.columns.is_empty() {
         (Columns::default(), Cow::Borrowed(table))
     } else {

@@ -18,6 +18,7 @@ pub fn read(
     units: &Units,
 ) -> Result<Vec<Found>, ImportError> {
     let table = Table::read(text, layout)?;
+    table.whole()?;
     let (columns, table) = Columns::with_constants(columns, &table)?;
     let nominal = columns.triple(["nominal_x", "nominal_y", "nominal_z"])?;
     let measured = columns.triple(["x", "y", "z"])?;

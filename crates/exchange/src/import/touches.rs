@@ -98,6 +98,12 @@ pub fn read_table(table: &Table, settings: &Settings) -> Result<Imported, Import
             table.hint()
         )));
     }
+    if table.left_out > 0 {
+        let (kept, all) = (table.rows.len(), table.rows.len() as u64 + table.left_out);
+        imported.remarks.push(format!(
+            "{kept} of {all} rows, evenly spread, are imported: the table has very many"
+        ));
+    }
     reader.finish(&mut imported);
     Ok(imported)
 }

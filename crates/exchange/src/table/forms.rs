@@ -10,6 +10,11 @@ use super::{Cell, Row, Table};
 use crate::ImportError;
 use crate::units::Units;
 
+/// Most lines of a file, most rows that it gives, and the longest line, bytes.
+const MOST_LINES: usize = 5_000_000;
+const MOST_ROWS: usize = 100_000;
+const LONGEST: usize = 8192;
+
 /// A fixed form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
@@ -138,7 +143,16 @@ pub fn read(text: &str, form: Form) -> Result<Formed, ImportError> {
     let lines: Vec<Line> = (1..)
         .zip(text.trim_start_matches('\u{feff}').lines())
         .map(|(number, text)| Line { number, text })
+        .take(MOST_LINES + 1)
         .collect();
+    if let Some(line) = lines.get(MOST_LINES) {
+        return Err(line.wrong(format!(
+            "a file of this form has at most {MOST_LINES} lines"
+        )));
+    }
+    if let Some(line) = lines.iter().find(|line| line.text.len() > LONGEST) {
+        return Err(line.wrong(format!("the line is longer than {LONGEST} bytes")));
+    }
     let xyz = || Formed {
         table: Table {
             header: ["X", "Y", "Z"].map(str::to_owned).to_vec(),
@@ -152,7 +166,7 @@ pub fn read(text: &str, form: Form) -> Result<Formed, ImportError> {
         Form::KlipperProbe => printers::klipper_probes(&lines, &mut formed.table)?,
         Form::MarlinTopography => printers::marlin_topography(&lines, &mut formed.table)?,
         Form::DuetMesh => printers::duet_mesh(&lines, &mut formed.table)?,
-        Form::GrblProbe => printers::grbl_probes(&lines, &mut formed.table),
+        Form::GrblProbe => printers::grbl_probes(&lines, &mut formed.table)?,
         Form::CalypsoTable => formed = reports::calypso(&lines)?,
         Form::PcDmisReport => formed = reports::pc_dmis(&lines)?,
         Form::HeidenhainLog => formed = reports::heidenhain(&lines)?,
@@ -169,6 +183,18 @@ pub fn read(text: &str, form: Form) -> Result<Formed, ImportError> {
     read.dedup();
     table.passed_over = (lines.len() - read.len()) as u64;
     Ok(formed)
+}
+
+impl Table {
+    /// Adds a row of a file of a fixed form.
+    fn add(&mut self, row: Row) -> Result<(), ImportError> {
+        if self.rows.len() == MOST_ROWS {
+            let what = format!("a file of this form has at most {MOST_ROWS} rows");
+            return Err(ImportError::at(row.line, 1, what));
+        }
+        self.rows.push(row);
+        Ok(())
+    }
 }
 
 #[derive(Clone, Copy)]

@@ -48,17 +48,17 @@ pub(super) fn iso230_report(lines: &[Line]) -> Result<Formed, ImportError> {
         if cells.len() != runs.len() + 2 {
             return Err(line.wrong(format!(
                 "the row has {} positions, and the header {}",
-                cells.len() - 2,
+                cells.len().saturating_sub(2),
                 runs.len()
             )));
         }
         for (run, measured) in runs.iter().zip(&cells[2..]) {
-            formed.table.rows.push(line.row(vec![
+            formed.table.add(line.row(vec![
                 line.cell(cells[1]),
                 computed(direction.to_owned()),
                 computed(run.to_string()),
                 line.cell(measured),
-            ]));
+            ]))?;
         }
     }
     Ok(formed)

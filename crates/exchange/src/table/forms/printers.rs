@@ -69,7 +69,7 @@ pub(super) fn klipper_meshes(lines: &[Line], table: &mut Table) -> Result<(), Im
                     .map(|at| computed(at.to_string()))
                     .into_iter()
                     .chain([line.cell(value.trim_start()), computed(name.to_owned())]);
-                table.rows.push(line.row(cells.collect()));
+                table.add(line.row(cells.collect()))?;
             }
         }
     }
@@ -88,9 +88,7 @@ pub(super) fn klipper_probes(lines: &[Line], table: &mut Table) -> Result<(), Im
         let Some((x, y)) = place.split_once(',') else {
             continue;
         };
-        table
-            .rows
-            .push(line.row([x, y, z].map(|piece| line.cell(piece)).to_vec()));
+        table.add(line.row([x, y, z].map(|piece| line.cell(piece)).to_vec()))?;
         times.extend(clock(before));
     }
     if times.is_empty() {
@@ -181,7 +179,7 @@ pub(super) fn marlin_topography(lines: &[Line], table: &mut Table) -> Result<(),
                 .map(|at| computed(at.to_string()))
                 .into_iter()
                 .chain([line.cell(value)]);
-            table.rows.push(line.row(cells.collect()));
+            table.add(line.row(cells.collect()))?;
         }
     }
     Ok(())
@@ -240,15 +238,13 @@ pub(super) fn duet_mesh(lines: &[Line], table: &mut Table) -> Result<(), ImportE
             }
             let place = [x + across * column as f64, y + along * row as f64];
             let cells = place.map(|at| computed(at.to_string())).into_iter();
-            table
-                .rows
-                .push(line.row(cells.chain([line.cell(height.trim_start())]).collect()));
+            table.add(line.row(cells.chain([line.cell(height.trim_start())]).collect()))?;
         }
     }
     Ok(())
 }
 
-pub(super) fn grbl_probes(lines: &[Line], table: &mut Table) {
+pub(super) fn grbl_probes(lines: &[Line], table: &mut Table) -> Result<(), ImportError> {
     for line in lines {
         let said = line
             .text
@@ -257,10 +253,9 @@ pub(super) fn grbl_probes(lines: &[Line], table: &mut Table) {
         let Some((place, "1")) = said.and_then(|(said, _)| said.rsplit_once(':')) else {
             continue;
         };
-        table
-            .rows
-            .push(line.row(place.split(',').map(|piece| line.cell(piece)).collect()));
+        table.add(line.row(place.split(',').map(|piece| line.cell(piece)).collect()))?;
     }
+    Ok(())
 }
 
 #[cfg(test)]

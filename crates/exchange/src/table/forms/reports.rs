@@ -116,7 +116,7 @@ fn add_place(
         cells.push(coordinate.deviation()?);
         cells.push(computed(feature.to_owned()));
         cells.extend(time.map(|time| computed(time.to_string())));
-        formed.table.rows.push(coordinate.actual.line.row(cells));
+        formed.table.add(coordinate.actual.line.row(cells))?;
     }
     Ok(())
 }

@@ -85,7 +85,7 @@ pub(in crate::table::forms) fn fusion_surface(lines: &[Line]) -> Result<Formed, 
         // Points of one plane are a face; those of a curved surface belong to its tool path.
         let is_face = faces.get(&face).is_some_and(|&count| count >= 3);
         cells.push(computed(if is_face { face } else { path.clone() }));
-        formed.table.rows.push(line.row(cells));
+        formed.table.add(line.row(cells))?;
     }
     if unmeasured > 0 {
         formed
