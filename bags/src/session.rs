@@ -6,6 +6,8 @@
 mod checks;
 mod error;
 
+use std::collections::BTreeMap;
+
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::{
     InspectionPlan, MachineState, MeasurementOrder, Message, ProbeEvent, ProbeTrigger,
@@ -16,7 +18,8 @@ use crate::damage::Damage;
 use crate::error::Error;
 use crate::reader::{Bag, Stamped};
 use checks::{
-    check_events, check_joints, check_machine, check_numbers, check_plan, check_plans, finite, runs,
+    Mark, check_event, check_joints, check_machine, check_numbers, check_plan, check_plans, finite,
+    instant, runs,
 };
 
 pub use error::SessionError;
@@ -69,6 +72,8 @@ pub struct Session {
     /// Touches of the same plan from before a restart of the driver: void, for the axes may have another origin since, and
     /// left out above.
     pub void: usize,
+    /// Touches beyond 100,000 that are left out above, evenly spread.
+    pub left_out: usize,
     /// Damage of the bag; what is above is its complete part.
     pub damage: Vec<Damage>,
 }
@@ -142,8 +147,13 @@ impl Session {
     ) -> Result<Self, SessionError> {
         let cell = CellRecord::read(bag, namespace, damage)?;
         let topic = cell.topic("inspection_plan");
-        let plan = choose(&topic, &cell.plans, &cell.events, measurement)?;
+        let last = cell.events.last().map(|event| &cell.plan_ids[event.plan]);
+        let plan = choose(&topic, &cell.plans, last, measurement)?;
         let mut session = cell.measurement(plan)?;
+        let own = cell.own(plan);
+        session.void = own.void;
+        session.left_out = own.left_out;
+        session.events = cell.events_of(bag, plan, &own.numbers, damage)?;
         let stamps = session.events.iter().map(|event| event.log_time);
         let (from, to) = stamps.fold((u64::MAX, 0), |(from, to), at| (from.min(at), to.max(at)));
         // What moves while nothing is touched is of no measurement; a drive session is nothing else.
@@ -182,9 +192,10 @@ impl Session {
             let cell = CellRecord::read(bag, &namespace, damage)?;
             let first = samples(bag, &cell.topic("joint_states"), (0, 0), damage)?;
             let states = cell.machine_states(bag, (0, 0), MAX_COMMON, damage)?;
-            Ok((cell, first, states))
+            let events = collect::<ProbeEvent>(bag, &cell.topic("probe_events"), damage)?;
+            Ok((cell, events, first, states))
         };
-        let (cell, first, states) =
+        let (cell, events, first, states) =
             read(&mut damage).map_err(|problem| with_damage(problem, &damage))?;
         for (index, plan) in cell.plans.iter().enumerate() {
             let id = plan.plan_id.as_str();
@@ -196,9 +207,20 @@ impl Session {
                 take(id, Err(problem), &states);
                 continue;
             }
-            let session = cell.measurement(Some(plan)).map(|session| Self {
-                joint_states: first.clone(),
-                ..session
+            let session = cell.measurement(Some(plan)).and_then(|session| {
+                let own = cell.own(Some(plan));
+                let events = own.numbers.iter().map(|&number| events[number].clone());
+                let events: Vec<_> = events.collect();
+                for (index, event) in events.iter().enumerate() {
+                    check_event(&cell.topic("probe_events"), plan, index, &event.message)?;
+                }
+                Ok(Self {
+                    joint_states: first.clone(),
+                    void: own.void,
+                    left_out: own.left_out,
+                    events,
+                    ..session
+                })
             });
             take(id, session, &states);
         }
@@ -212,15 +234,37 @@ const BESIDE: u64 = 60_000_000_000;
 const MAX_TURNING: usize = 10_000;
 const MAX_COMMON: usize = 1_000;
 
+/// Most touches of a measurement that are read: of more, runs of successive ones that are spread evenly over it.
+const MOST_EVENTS: usize = 100_000;
+const RUN: usize = 32;
+
+/// True of the numbers below `count` that are read: by the multiples of the golden ratio, whatever the period of the pattern that is
+/// touched (Weyl 1916).
+fn is_read(number: usize, count: usize) -> bool {
+    let place = ((number / RUN) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    count <= MOST_EVENTS || place < (u64::MAX / count as u64).saturating_mul(MOST_EVENTS as u64)
+}
+
+/// The touches of a measurement.
+struct Own {
+    /// Their places among all touches of the cell.
+    numbers: Vec<usize>,
+    void: usize,
+    left_out: usize,
+}
+
 /// What a bag holds of a cell but the samples over time.
 struct CellRecord {
     namespace: String,
     robot_description: String,
     /// Those that differ.
     plans: Vec<InspectionPlan>,
-    events: Vec<Stamped<ProbeEvent>>,
+    /// Its touches, of which everything else is read when it is known which are wanted.
+    events: Vec<Mark>,
     /// The run of the driver of each event.
     runs: Vec<usize>,
+    /// Plans that the events name.
+    plan_ids: Vec<String>,
     missing: Vec<Missing>,
     references: Vec<Stamped<ReferenceMeasurement>>,
 }
@@ -230,7 +274,28 @@ impl CellRecord {
         let topic = |name: &str| format!("{namespace}/{name}");
         let descriptions = collect::<std_msgs::String>(bag, &topic("robot_description"), damage)?;
         let plans = collect::<InspectionPlan>(bag, &topic("inspection_plan"), damage)?;
-        let events = collect::<ProbeEvent>(bag, &topic("probe_events"), damage)?;
+        let (mut events, mut plan_ids) = (Vec::new(), Vec::<String>::new());
+        each::<ProbeEvent>(
+            bag,
+            &topic("probe_events"),
+            (0, u64::MAX),
+            damage,
+            |event| {
+                let id = &event.message.plan_id;
+                let known = plan_ids.iter().rposition(|known| known == id);
+                let plan = known.unwrap_or_else(|| {
+                    plan_ids.push(id.clone());
+                    plan_ids.len() - 1
+                });
+                events.push(Mark {
+                    sequence: event.message.sequence,
+                    latched: instant(&event.message.header),
+                    log_time: event.log_time,
+                    plan,
+                });
+                Ok(true)
+            },
+        )?;
         let references = collect::<ReferenceMeasurement>(bag, &topic("reference"), damage)?;
         let mut models = distinct(descriptions);
         if models.len() > 1 {
@@ -244,12 +309,38 @@ impl CellRecord {
             .pop()
             .ok_or_else(|| SessionError::NoRobotDescription(topic("robot_description")))?;
         // Numbers of touches begin again with each run of the driver.
-        let triggers = collect::<ProbeTrigger>(bag, &topic("probe_triggers"), &mut Vec::new());
-        let runs = runs(&events, &triggers.unwrap_or_default());
+        let (mut sessions, mut of_triggers) = (Vec::<String>::new(), BTreeMap::new());
+        let of_trigger = |trigger: Stamped<ProbeTrigger>| {
+            let ProbeTrigger {
+                session, sequence, ..
+            } = trigger.message;
+            if !session.is_empty() {
+                let known = sessions.iter().rposition(|known| *known == session);
+                let number = known.unwrap_or_else(|| {
+                    sessions.push(session);
+                    sessions.len() - 1
+                });
+                of_triggers.insert((instant(&trigger.message.header), sequence), number);
+            }
+            Ok(true)
+        };
+        let topic_of_triggers = topic("probe_triggers");
+        if each(
+            bag,
+            &topic_of_triggers,
+            (0, u64::MAX),
+            &mut Vec::new(),
+            of_trigger,
+        )
+        .is_err()
+        {
+            of_triggers.clear();
+        }
+        let runs = runs(&events, &of_triggers);
         let missing = check_numbers(&events, &runs)?;
         let plans = distinct(plans);
         if plans.len() > 1 {
-            check_plans(&plans, &events)?;
+            check_plans(&plans, &events, &plan_ids)?;
         }
         for (index, reference) in references.iter().enumerate() {
             let message = &reference.message;
@@ -268,6 +359,7 @@ impl CellRecord {
             plans,
             events,
             runs,
+            plan_ids,
             missing,
             references,
         })
@@ -277,33 +369,82 @@ impl CellRecord {
         format!("{}/{name}", self.namespace)
     }
 
-    /// The measurement of a plan, without samples over time.
-    fn measurement(&self, plan: Option<&InspectionPlan>) -> Result<Session, SessionError> {
-        let several = self.plans.len() > 1;
-        let is_own = |id: &str| plan.is_none_or(|plan| !several || plan.plan_id == id);
-        let own = |(event, run): (&Stamped<ProbeEvent>, &usize)| {
-            is_own(&event.message.plan_id).then(|| (event.clone(), *run))
+    /// True of the identifier of a plan whose touches are those of `plan`.
+    fn is_of(&self, plan: Option<&InspectionPlan>, id: &str) -> bool {
+        plan.is_none_or(|plan| self.plans.len() < 2 || plan.plan_id == id)
+    }
+
+    /// The touches of a plan that are valid.
+    fn own(&self, plan: Option<&InspectionPlan>) -> Own {
+        let of_plan: Vec<bool> = (self.plan_ids.iter())
+            .map(|id| self.is_of(plan, id))
+            .collect();
+        let own = (0..self.events.len()).filter(|&number| of_plan[self.events[number].plan]);
+        let mut numbers: Vec<usize> = own.collect();
+        let all = numbers.len();
+        let last = numbers.last().map(|&number| self.runs[number]);
+        numbers.retain(|&number| Some(self.runs[number]) == last);
+        let (valid, mut index) = (numbers.len(), 0);
+        numbers.retain(|_| {
+            index += 1;
+            is_read(index - 1, valid)
+        });
+        Own {
+            void: all - valid,
+            left_out: valid - numbers.len(),
+            numbers,
+        }
+    }
+
+    /// The touches at these places, in order.
+    fn events_of(
+        &self,
+        bag: &Bag,
+        plan: Option<&InspectionPlan>,
+        numbers: &[usize],
+        damage: &mut Vec<Damage>,
+    ) -> Result<Vec<Stamped<ProbeEvent>>, SessionError> {
+        let (Some(&first), Some(&last)) = (numbers.first(), numbers.last()) else {
+            return Ok(Vec::new());
         };
-        let mut events: Vec<_> = self.events.iter().zip(&self.runs).filter_map(own).collect();
-        let (of_plan, last) = (events.len(), events.last().map(|(_, run)| *run));
-        events.retain(|(_, run)| Some(*run) == last);
-        let events: Vec<Stamped<ProbeEvent>> = events.into_iter().map(|(event, _)| event).collect();
+        let topic = self.topic("probe_events");
+        let during = (self.events[first].log_time, self.events[last].log_time);
+        let mut number = self
+            .events
+            .partition_point(|event| event.log_time < during.0);
+        let mut wanted = numbers.iter().peekable();
+        let mut events = Vec::with_capacity(numbers.len());
+        each::<ProbeEvent>(bag, &topic, during, damage, |event| {
+            if wanted.next_if_eq(&&number).is_some() {
+                if let Some(plan) = plan {
+                    check_event(&topic, plan, events.len(), &event.message)?;
+                }
+                events.push(event);
+            }
+            number += 1;
+            Ok(wanted.peek().is_some())
+        })?;
+        Ok(events)
+    }
+
+    /// The measurement of a plan, without touches and samples over time.
+    fn measurement(&self, plan: Option<&InspectionPlan>) -> Result<Session, SessionError> {
         if let Some(plan) = plan {
             check_plan(&self.topic("inspection_plan"), plan)?;
-            check_events(&self.topic("probe_events"), plan, &events)?;
         }
         let references = self.references.iter();
         Ok(Session {
             namespace: self.namespace.clone(),
             robot_description: self.robot_description.clone(),
             plan: plan.cloned(),
-            void: of_plan - events.len(),
-            events,
+            void: 0,
+            left_out: 0,
+            events: Vec::new(),
             joint_states: Vec::new(),
             joint_commands: Vec::new(),
             machine_states: Vec::new(),
             references: references
-                .filter(|reference| is_own(&reference.message.plan_id))
+                .filter(|reference| self.is_of(plan, &reference.message.plan_id))
                 .cloned()
                 .collect(),
             missing: self.missing.clone(),
@@ -494,14 +635,14 @@ fn distinct<T: PartialEq>(messages: Vec<Stamped<T>>) -> Vec<T> {
 fn choose<'a>(
     topic: &str,
     plans: &'a [InspectionPlan],
-    events: &[Stamped<ProbeEvent>],
+    last: Option<&String>,
     measurement: &Measurement,
 ) -> Result<Option<&'a InspectionPlan>, SessionError> {
     let wanted = match measurement {
         Measurement::Named(id) => Some(id.clone()),
         _ if plans.len() < 2 => return Ok(plans.last()),
         Measurement::Only => None,
-        Measurement::Last => events.last().map(|event| event.message.plan_id.clone()),
+        Measurement::Last => last.cloned(),
     };
     let ids = || plans.iter().map(|plan| plan.plan_id.clone()).collect();
     let mut chosen = plans

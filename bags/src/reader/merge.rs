@@ -167,8 +167,11 @@ impl<'a> Messages<'a> {
     /// Loads every block that may hold the next message.
     fn load_due(&mut self) {
         while let Some(&(file, block)) = self.waiting.front() {
-            let first = self.next.peek().map(|Reverse((log_time, ..))| *log_time);
-            if first.is_some_and(|first| block.bounds.0 > first) {
+            let next = self.next.peek();
+            // Where all times are equal as well, a block waits for those before it.
+            let first = (block.bounds.0, file, block.offset);
+            if next.is_some_and(|Reverse((time, file, offset, _))| first > (*time, *file, *offset))
+            {
                 return;
             }
             self.waiting.pop_front();

@@ -3,9 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use probecell_msgs::sensor_msgs::JointState;
-use probecell_msgs::{
-    InspectionPlan, InspectionPoint, MachineState, ProbeEvent, ProbeTrigger, std_msgs,
-};
+use probecell_msgs::{InspectionPlan, InspectionPoint, MachineState, ProbeEvent, std_msgs};
 
 use super::{Missing, SessionError};
 use crate::reader::Stamped;
@@ -162,30 +160,20 @@ fn check_point(
 /// The run of the driver that each event is of, counted from 0 in the order recorded: numbers begin again with each. A run is
 /// known by the session of the event's trigger; where the bag does not tell it, a second touch numbered 0 that was latched after
 /// the one before it begins another.
-pub(super) fn runs(
-    events: &[Stamped<ProbeEvent>],
-    triggers: &[Stamped<ProbeTrigger>],
-) -> Vec<usize> {
-    let sessions: BTreeMap<(Instant, u64), &str> = (triggers.iter())
-        .filter(|trigger| !trigger.message.session.is_empty())
-        .map(|Stamped { message, .. }| {
-            let key = (instant(&message.header), message.sequence);
-            (key, message.session.as_str())
-        })
-        .collect();
-    let mut known: BTreeMap<&str, usize> = BTreeMap::new();
+pub(super) fn runs(events: &[Mark], sessions: &BTreeMap<(Instant, u64), usize>) -> Vec<usize> {
+    let mut known: BTreeMap<usize, usize> = BTreeMap::new();
     let mut before: Option<(usize, Instant)> = None;
     let (mut runs, mut count) = (Vec::new(), 0);
     let mut with_first = BTreeSet::new();
-    for Stamped { message, .. } in events {
-        let at = instant(&message.header);
-        let session = sessions.get(&(at, message.sequence)).copied();
+    for event in events {
+        let at = event.latched;
+        let session = sessions.get(&(at, event.sequence)).copied();
         let goes_on = |run: usize, latched: Instant| {
-            let begins = message.sequence == 0 && at > latched && with_first.contains(&run);
+            let begins = event.sequence == 0 && at > latched && with_first.contains(&run);
             let is_others = session.is_some() && known.values().any(|one| *one == run);
             !begins && !is_others
         };
-        let run = match (session.and_then(|session| known.get(session)), before) {
+        let run = match (session.and_then(|session| known.get(&session)), before) {
             (Some(run), _) => *run,
             (None, Some((run, latched))) if goes_on(run, latched) => run,
             (None, _) => {
@@ -196,7 +184,7 @@ pub(super) fn runs(
         if let Some(session) = session {
             known.insert(session, run);
         }
-        if message.sequence == 0 {
+        if event.sequence == 0 {
             with_first.insert(run);
         }
         before = Some((run, at));
@@ -206,40 +194,49 @@ pub(super) fn runs(
 }
 
 /// s and ns of a stamp.
-type Instant = (i32, u32);
+pub(super) type Instant = (i32, u32);
 
-fn instant(header: &std_msgs::Header) -> Instant {
+/// What is known of every touch.
+pub(super) struct Mark {
+    pub(super) sequence: u64,
+    pub(super) latched: Instant,
+    /// Reception, ns since 1970.
+    pub(super) log_time: u64,
+    /// Index of the plan that it names.
+    pub(super) plan: usize,
+}
+
+pub(super) fn instant(header: &std_msgs::Header) -> Instant {
     (header.stamp.sec, header.stamp.nanosec)
 }
 
 /// Events of a run of the driver are numbered from 0 in the order they stand, whatever plan they are of. Gives the gaps.
-pub(super) fn check_numbers(
-    events: &[Stamped<ProbeEvent>],
-    runs: &[usize],
-) -> Result<Vec<Missing>, SessionError> {
-    let mut of_run: BTreeMap<usize, (u64, BTreeSet<u64>)> = BTreeMap::new();
-    let mut missing = Vec::new();
+pub(super) fn check_numbers(events: &[Mark], runs: &[usize]) -> Result<Vec<Missing>, SessionError> {
+    let mut last: BTreeMap<usize, u64> = BTreeMap::new();
+    let mut missing: Vec<(usize, Missing)> = Vec::new();
     for (event, run) in events.iter().zip(runs) {
-        let sequence = event.message.sequence;
-        let (next, seen) = of_run.entry(*run).or_default();
-        if !seen.insert(sequence) {
-            return Err(SessionError::DuplicateEvent(sequence));
-        }
-        if sequence < *next {
-            return Err(SessionError::ReorderedEvent {
-                sequence,
-                after: *next - 1,
+        let sequence = event.sequence;
+        let before = last.insert(*run, sequence);
+        if let Some(after) = before.filter(|&last| sequence <= last) {
+            let mut gaps = missing.iter().filter(|(of, _)| of == run);
+            let is_new = gaps.any(|(_, gap)| (gap.expected..gap.before).contains(&sequence));
+            return Err(if is_new {
+                SessionError::ReorderedEvent { sequence, after }
+            } else {
+                SessionError::DuplicateEvent(sequence)
             });
         }
-        if sequence > *next {
-            missing.push(Missing {
-                expected: *next,
+        let expected = before.map_or(0, |last| last + 1);
+        if sequence > expected {
+            let gap = Missing {
+                expected,
                 before: sequence,
-                count: sequence - *next,
-            });
+                count: sequence - expected,
+            };
+            missing.push((*run, gap));
         }
-        *next = sequence.saturating_add(1);
     }
+    let missing: Vec<Missing> = missing.into_iter().map(|(_, gap)| gap).collect();
     let lost = |gap: &&Missing| gap.count > events.len() as u64;
     match missing.iter().find(lost) {
         Some(gap) => Err(SessionError::MissingEvents(*gap)),
@@ -250,17 +247,15 @@ pub(super) fn check_numbers(
 /// Every event is of some plan of the bag.
 pub(super) fn check_plans(
     plans: &[InspectionPlan],
-    events: &[Stamped<ProbeEvent>],
+    events: &[Mark],
+    plan_ids: &[String],
 ) -> Result<(), SessionError> {
-    let known = |event: &&Stamped<ProbeEvent>| {
-        !plans
-            .iter()
-            .any(|plan| plan.plan_id == event.message.plan_id)
-    };
-    match events.iter().find(known) {
+    let is_known = |id: &String| plans.iter().any(|plan| plan.plan_id == *id);
+    let known: Vec<bool> = plan_ids.iter().map(is_known).collect();
+    match events.iter().find(|event| !known[event.plan]) {
         Some(event) => Err(SessionError::EventOfOtherPlan {
-            sequence: event.message.sequence,
-            found: event.message.plan_id.clone(),
+            sequence: event.sequence,
+            found: plan_ids[event.plan].clone(),
             expected: plans
                 .iter()
                 .map(|plan| plan.plan_id.clone())
@@ -271,53 +266,52 @@ pub(super) fn check_plans(
     }
 }
 
-pub(super) fn check_events(
+pub(super) fn check_event(
     topic: &str,
     plan: &InspectionPlan,
-    events: &[Stamped<ProbeEvent>],
+    index: usize,
+    event: &ProbeEvent,
 ) -> Result<(), SessionError> {
-    for (index, Stamped { message: event, .. }) in events.iter().enumerate() {
-        let sequence = event.sequence;
-        if event.plan_id != plan.plan_id {
-            let (found, expected) = (event.plan_id.clone(), plan.plan_id.clone());
-            return Err(SessionError::EventOfOtherPlan {
-                sequence,
-                found,
-                expected,
-            });
-        }
-        if event.point_index as usize >= plan.points.len() {
-            let (point_index, points) = (event.point_index, plan.points.len());
-            return Err(SessionError::NoSuchPoint {
-                sequence,
-                point_index,
-                points,
-            });
-        }
-        if event.axis_names.len() != event.axis_positions.len() {
-            return Err(SessionError::AxisCount {
-                topic: topic.to_owned(),
-                index,
-                field: "axis_positions",
-                names: event.axis_names.len(),
-                values: event.axis_positions.len(),
-            });
-        }
-        finite(topic, index, "axis_positions", &event.axis_positions)?;
-        finite(
-            topic,
-            index,
-            "tip",
-            &[event.tip.x, event.tip.y, event.tip.z],
-        )?;
-        let approach = &event.approach;
-        finite(
-            topic,
-            index,
-            "approach",
-            &[approach.x, approach.y, approach.z, event.feed],
-        )?;
+    let sequence = event.sequence;
+    if event.plan_id != plan.plan_id {
+        let (found, expected) = (event.plan_id.clone(), plan.plan_id.clone());
+        return Err(SessionError::EventOfOtherPlan {
+            sequence,
+            found,
+            expected,
+        });
     }
+    if event.point_index as usize >= plan.points.len() {
+        let (point_index, points) = (event.point_index, plan.points.len());
+        return Err(SessionError::NoSuchPoint {
+            sequence,
+            point_index,
+            points,
+        });
+    }
+    if event.axis_names.len() != event.axis_positions.len() {
+        return Err(SessionError::AxisCount {
+            topic: topic.to_owned(),
+            index,
+            field: "axis_positions",
+            names: event.axis_names.len(),
+            values: event.axis_positions.len(),
+        });
+    }
+    finite(topic, index, "axis_positions", &event.axis_positions)?;
+    finite(
+        topic,
+        index,
+        "tip",
+        &[event.tip.x, event.tip.y, event.tip.z],
+    )?;
+    let approach = &event.approach;
+    finite(
+        topic,
+        index,
+        "approach",
+        &[approach.x, approach.y, approach.z, event.feed],
+    )?;
     Ok(())
 }
 

@@ -98,6 +98,45 @@ fn a_good_session_is_read_whole() {
     assert!(session.plan.is_some() && session.damage.is_empty());
 }
 
+/// Of 120,000 touches of one measurement and 6 of the next, the first is read in runs of 32, the second whole.
+#[test]
+fn of_very_many_touches_some_are_read_evenly_spread() {
+    let folder = tempfile::tempdir().unwrap();
+    let only = session(folder.path(), |bench| {
+        bench.model();
+        bench.say("/cell/inspection_plan", &plan("p"));
+        bench.say("/cell/inspection_plan", &plan("q"));
+        for number in 0..120_006 {
+            let plan = if number < 120_000 { "p" } else { "q" };
+            bench.say("/cell/probe_events", &touch(plan, number, number as i32));
+        }
+    });
+    assert!(matches!(only, Err(SessionError::SeveralPlans { .. })));
+    let bag = Bag::open(folder.path().join("run")).unwrap();
+    let read =
+        |plan: &str| Session::read_measurement(&bag, &Measurement::Named(plan.to_owned())).unwrap();
+    let (many, few) = (read("p"), read("q"));
+    assert_eq!((few.events.len(), few.left_out), (6, 0));
+    assert!(many.events.len().abs_diff(100_000) < 100);
+    assert_eq!(many.events.len() + many.left_out, 120_000);
+    let mut numbers = many.events.iter().map(|event| event.message.sequence);
+    assert!(numbers.clone().is_sorted());
+    let mut tenths = [0; 10];
+    numbers
+        .by_ref()
+        .for_each(|number| tenths[number as usize / 12_000] += 1);
+    assert!(
+        tenths
+            .iter()
+            .all(|count: &usize| count.abs_diff(10_000) < 200),
+        "{tenths:?}"
+    );
+    let mut all = Vec::new();
+    Session::each_measurement(&bag, |_, session, _| all.push(session.unwrap())).unwrap();
+    assert_eq!(all[0].events, many.events);
+    assert_eq!(all[1].events, few.events);
+}
+
 #[test]
 fn missing_numbers_are_told_and_doubled_or_reordered_ones_refused() {
     let of_numbers = |numbers: &[u64]| {

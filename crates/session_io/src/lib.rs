@@ -155,7 +155,13 @@ pub fn plain(bag: &Bag, session: bags::Session, declared: Vec<DeclaredEffect>) -
             session.void
         )
     });
-    let remarks = damage.chain(missing).chain(void).collect();
+    let left_out = (session.left_out > 0).then(|| {
+        let used = session.events.len();
+        let all = used + session.left_out;
+        format!("note: {used} of {all} touches, evenly spread, are read")
+    });
+    let remarks = damage.chain(missing).chain(void).chain(left_out);
+    let remarks = remarks.collect();
     let name = bag.path().file_name();
     let name = name.map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     Measured {
