@@ -199,6 +199,26 @@ pub enum CellError {
     },
 }
 
+/// Longest cell file, which takes sixty times as much to parse, and robot description, bytes.
+const LONGEST: u64 = 1 << 20;
+const LONGEST_DESCRIPTION: u64 = 16 << 20;
+
+/// The text of a regular file of at most so many bytes: a pipe or a device may never end.
+///
+/// # Errors
+/// Another kind of file, a larger one, text that is not UTF-8, or what the system says.
+pub fn text_of(path: &Path, most: u64) -> std::io::Result<String> {
+    let known = std::fs::metadata(path)?;
+    let refused = |what: String| Err(std::io::Error::other(what));
+    if !known.is_file() {
+        return refused("not a regular file".to_owned());
+    }
+    if known.len() > most {
+        return refused(format!("larger than {} MiB", most >> 20));
+    }
+    std::fs::read_to_string(path)
+}
+
 impl Cell {
     /// Reads a cell file and its robot description, and checks everything.
     ///
@@ -213,15 +233,15 @@ impl Cell {
     /// # Errors
     /// [`CellError`] names file, line and key, or the argument.
     pub fn read_with(path: &Path, arguments: &RosArguments) -> Result<Self, CellError> {
-        let read = |what, path: &Path| {
-            std::fs::read_to_string(path).map_err(|source| CellError::Read {
+        let read = |what, path: &Path, most| {
+            text_of(path, most).map_err(|source| CellError::Read {
                 what,
                 path: path.to_owned(),
                 source,
             })
         };
         let name = path.display().to_string();
-        let cell = read("the cell file", path)?;
+        let cell = read("the cell file", path, LONGEST)?;
         let cell = arguments.apply(&cell);
         let cell = cell.map_err(|message| CellError::Setting {
             file: name.clone(),
@@ -243,7 +263,7 @@ impl Cell {
             .parent()
             .unwrap_or(Path::new(""))
             .join(&parsed.cell.robot_description);
-        let robot_description = read("the robot description", &urdf)?;
+        let robot_description = read("the robot description", &urdf, LONGEST_DESCRIPTION)?;
         Self::from_text(CellText {
             name,
             cell,
@@ -286,6 +306,12 @@ impl Cell {
         name: &str,
         drivers: &'static [&'static dyn Driver],
     ) -> Result<Self, CellError> {
+        if text.len() as u64 > LONGEST {
+            return Err(CellError::Setting {
+                file: name.to_owned(),
+                message: format!("the cell file is larger than {} MiB", LONGEST >> 20),
+            });
+        }
         let place = |at: usize| format!("{name} line {}", text[..at].matches('\n').count() + 1);
         if let Some(number) = numbers::first_not_finite(text) {
             return Err(CellError::Parse {

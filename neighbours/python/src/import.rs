@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, ensure};
+use anyhow::ensure;
 use cell::Cell;
 use exchange::import::columns::Columns;
 use exchange::import::touches::{self, Settings};
@@ -12,6 +12,7 @@ use exchange::table::{Layout, Table};
 use exchange::units::Units;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
+use session_io::import::text_of;
 
 use crate::errors::{input, wrong};
 use crate::frame;
@@ -195,9 +196,7 @@ impl Given {
                 name: None,
             });
         };
-        let text = std::fs::read_to_string(&path)
-            .with_context(|| format!("{} cannot be read", path.display()))
-            .map_err(input)?;
+        let text = text_of(&path).map_err(input)?;
         let stem = path
             .file_stem()
             .map(|stem| stem.to_string_lossy().into_owned());
@@ -348,7 +347,7 @@ impl Machine {
                 settings.ball_radius.is_some(),
                 "urdf needs ball_radius: positions of axes say where the centre of the ball is"
             );
-            let text = read(file)?;
+            let text = text_of(file)?;
             settings.machine = Some(session_io::import::machine_of_urdf(
                 text,
                 self.part,
@@ -357,8 +356,4 @@ impl Machine {
         }
         Ok(None)
     }
-}
-
-fn read(file: &Path) -> anyhow::Result<String> {
-    std::fs::read_to_string(file).with_context(|| format!("{} cannot be read", file.display()))
 }

@@ -2,12 +2,12 @@
 //!
 //! Nothing is sent to a machine, and no file is written over another.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use cure::{FORMATS, File, Format, Request};
+use session_io::import::text_of;
 
 use super::gap_report;
 use crate::{FAILED, GOOD, output};
@@ -110,8 +110,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 }
 
 fn file(path: &Path) -> anyhow::Result<File> {
-    let text =
-        fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let text = text_of(path)?;
     Ok(File {
         name: path.display().to_string(),
         text,

@@ -1,6 +1,5 @@
 //! A gap report as `probecell diagnose --json` has printed it, or of a recording.
 
-use std::fs;
 use std::io::Read;
 use std::path::Path;
 
@@ -8,6 +7,9 @@ use anyhow::{Context, bail};
 use diagnosis::{Options, Report};
 
 use super::diagnose;
+
+/// Longest report, bytes.
+const LONGEST: u64 = 64 << 20;
 
 /// The report of a file (`.json`, or `-`) and its text; or the diagnosis of a recording, and its robot description.
 pub(super) fn of(source: &Path) -> anyhow::Result<(Report, String, Option<String>)> {
@@ -24,9 +26,9 @@ pub(super) fn of(source: &Path) -> anyhow::Result<(Report, String, Option<String
 pub(super) fn read(path: &Path) -> anyhow::Result<(Report, String)> {
     let mut text = String::new();
     if path == Path::new("-") {
-        std::io::stdin().read_to_string(&mut text)?;
+        std::io::stdin().take(LONGEST).read_to_string(&mut text)?;
     } else {
-        text = fs::read_to_string(path)
+        text = cell::text_of(path, LONGEST)
             .with_context(|| format!("cannot read the report {}", path.display()))?;
     }
     let report: Report = serde_json::from_str(&text)

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use cell::new_robot::{Wanted, new_robot};
+use session_io::import::text_of;
 
 use crate::{GOOD, output};
 
@@ -57,7 +58,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
         bail!("{} exists: name another folder", arguments.out.display());
     }
     let file = &arguments.urdf;
-    let text = fs::read_to_string(file).with_context(|| file.display().to_string())?;
+    let text = text_of(file)?;
     let wanted = Wanted {
         description: format!("{name}.urdf"),
         name,

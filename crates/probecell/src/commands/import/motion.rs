@@ -7,6 +7,7 @@ use bags::Bag;
 use diagnosis::Session;
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::std_msgs;
+use session_io::import::text_of;
 use session_io::write;
 
 use crate::{GOOD, output};
@@ -51,7 +52,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         None => Vec::new(),
     };
     let text = match &arguments.urdf {
-        Some(file) => std::fs::read_to_string(file).with_context(|| file.display().to_string())?,
+        Some(file) => text_of(file)?,
         None => description(&bag)?,
     };
     let mut joints: Vec<String> = states.iter().flat_map(|state| state.name.clone()).collect();
