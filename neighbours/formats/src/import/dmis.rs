@@ -3,6 +3,8 @@
 //! Statements end with the line unless `$` continues it; `$$` begins a comment. Read are `UNITS`, `FEAT` of points, planes, circles,
 //! cylinders, spheres and cones in Cartesian coordinates, `TOL/DIAM` and `TOL/PROFP`-like limits by `EVAL` and `OUTPUT`, and `PTMEAS`.
 
+use std::collections::BTreeMap;
+
 use exchange::ImportError;
 use exchange::import::features::{feature, unit};
 use exchange::import::reference::{Found, Value, Which};
@@ -43,30 +45,26 @@ impl Statement {
 }
 
 /// Statements of a file, continued lines joined.
-fn statements(text: &str) -> Result<Vec<Statement>, ImportError> {
-    let mut all = Vec::new();
-    let mut waiting: Option<(u64, String)> = None;
-    for (line, content) in (1..).zip(text.lines()) {
-        let content = content.split("$$").next().unwrap_or_default().trim();
-        let (begun, mut joined) = waiting.take().unwrap_or((line, String::new()));
-        if let Some(part) = content.strip_suffix('$') {
-            joined.push_str(part.trim());
-            waiting = Some((begun, joined));
-            continue;
+fn statements(text: &str) -> impl Iterator<Item = Result<Statement, ImportError>> {
+    let mut lines = (1..).zip(text.lines());
+    std::iter::from_fn(move || {
+        let mut waiting: Option<(u64, String)> = None;
+        for (line, content) in lines.by_ref() {
+            let content = content.split("$$").next().unwrap_or_default().trim();
+            let (begun, mut joined) = waiting.take().unwrap_or((line, String::new()));
+            if let Some(part) = content.strip_suffix('$') {
+                joined.push_str(part.trim());
+                waiting = Some((begun, joined));
+                continue;
+            }
+            joined.push_str(content);
+            if !joined.is_empty() {
+                return Some(statement(begun, &joined));
+            }
         }
-        joined.push_str(content);
-        if !joined.is_empty() {
-            all.push(statement(begun, &joined)?);
-        }
-    }
-    match waiting {
-        Some((line, _)) => Err(ImportError::at(
-            line,
-            1,
-            "the statement is continued, and the file ends",
-        )),
-        None => Ok(all),
-    }
+        let what = "the statement is continued, and the file ends";
+        waiting.map(|(line, _)| Err(ImportError::at(line, 1, what)))
+    })
 }
 
 fn statement(line: u64, text: &str) -> Result<Statement, ImportError> {
@@ -130,7 +128,8 @@ pub fn plan(text: &str) -> Result<ForeignPlan, ImportError> {
     let mut scale = None;
     let mut tolerances: Vec<(String, [f64; 2])> = Vec::new();
     let mut measured: Option<usize> = None;
-    for one in statements(text)? {
+    for one in statements(text) {
+        let one = one?;
         match (one.major.as_str(), &one.label) {
             ("UNITS", _) => scale = Some(metre(&one)?),
             ("FEAT", Some((letters, name))) if letters == "F" => {
@@ -284,9 +283,10 @@ fn nominal(one: &Statement, name: &str, scale: f64) -> Result<Option<Planned>, I
 /// As [`plan`]; a file without any measured point.
 pub fn results(text: &str) -> Result<Vec<Found>, ImportError> {
     let mut scale = None;
-    let mut nominals: Vec<(String, [f64; 3])> = Vec::new();
+    let mut nominals: BTreeMap<String, [f64; 3]> = BTreeMap::new();
     let mut found = Vec::new();
-    for one in statements(text)? {
+    for one in statements(text) {
+        let one = one?;
         match (one.major.as_str(), &one.label) {
             ("UNITS", _) => scale = Some(metre(&one)?),
             ("FEAT", Some((letters, name))) => {
@@ -296,11 +296,11 @@ pub fn results(text: &str) -> Result<Vec<Found>, ImportError> {
                 }
                 let at = one.numbers::<3>(2)?.map(|value| value * scale);
                 if letters == "F" {
-                    nominals.push((name.clone(), at));
+                    nominals.entry(name.clone()).or_insert(at);
                     continue;
                 }
-                let nominal = nominals.iter().find(|(known, _)| known == name);
-                let (_, nominal) = nominal.ok_or_else(|| {
+                let nominal = nominals.get(name);
+                let nominal = nominal.ok_or_else(|| {
                     one.wrong(format!("FA({name}) has no nominal point F({name})"))
                 })?;
                 found.push(Found {

@@ -11,10 +11,13 @@ use std::collections::BTreeMap;
 
 use exchange::ImportError;
 use exchange::import::features::unit;
-use roxmltree::{Document, Node};
+use roxmltree::{Document, Node, ParsingOptions};
 
 pub use plan::plan;
 pub use results::results;
+
+/// Most elements and texts of a document.
+const MOST_NODES: u32 = 3_000_000;
 
 /// A document with its elements by identifier.
 struct Qif<'a> {
@@ -150,7 +153,11 @@ impl<'a> Qif<'a> {
 }
 
 fn parsed(text: &str) -> Result<Document<'_>, ImportError> {
-    Document::parse(text).map_err(|error| {
+    let options = ParsingOptions {
+        nodes_limit: MOST_NODES,
+        ..ParsingOptions::default()
+    };
+    Document::parse_with_options(text, options).map_err(|error| {
         let place = error.pos();
         ImportError::at(
             u64::from(place.row),

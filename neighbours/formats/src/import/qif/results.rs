@@ -15,6 +15,7 @@ pub fn results(text: &str) -> Result<(Vec<Found>, Vec<String>), ImportError> {
     let document = parsed(text)?;
     let qif = Qif::new(&document)?;
     let (mut found, mut left_out) = (Vec::new(), Vec::new());
+    let mut places = Places::new(text);
     for measured in qif.below("MeasuredFeatures") {
         let kind = measured.tag_name().name();
         let item = qif.referred(measured, "FeatureItemId");
@@ -32,9 +33,8 @@ pub fn results(text: &str) -> Result<(Vec<Found>, Vec<String>), ImportError> {
         let Some(location) = child(measured, "Location") else {
             continue;
         };
-        let place = document.text_pos_at(location.range().start);
         found.push(Found {
-            place: (u64::from(place.row), u64::from(place.col)),
+            place: places.of(location),
             of: Which::Nominal(qif.point(nominal, "Location")?),
             value: Value::Point(qif.lengths(location)?),
         });
@@ -43,7 +43,7 @@ pub fn results(text: &str) -> Result<(Vec<Found>, Vec<String>), ImportError> {
         .descendants()
         .filter(|node| node.tag_name().name() == "MeasuredPointSet")
     {
-        point_set(&qif, set, &mut found)?;
+        point_set(&qif, set, &mut places, &mut found)?;
     }
     if found.is_empty() {
         return Err(qif.without("measured point"));
@@ -57,9 +57,41 @@ pub fn results(text: &str) -> Result<(Vec<Found>, Vec<String>), ImportError> {
     Ok((found, left_out))
 }
 
+/// Lines and columns of nodes that come in their order, for which the text is gone through once.
+struct Places<'a> {
+    text: &'a str,
+    /// Offset, line and column of the last.
+    last: (usize, u64, u64),
+}
+
+impl<'a> Places<'a> {
+    fn new(text: &'a str) -> Self {
+        let last = (0, 1, 1);
+        Self { text, last }
+    }
+
+    fn of(&mut self, node: Node<'_, '_>) -> (u64, u64) {
+        let to = node.range().start;
+        if to < self.last.0 {
+            self.last = (0, 1, 1);
+        }
+        let (from, mut line, mut column) = self.last;
+        for letter in self.text[from..to].chars() {
+            (line, column) = if letter == '\n' {
+                (line + 1, 1)
+            } else {
+                (line, column + 1)
+            };
+        }
+        self.last = (to, line, column);
+        (line, column)
+    }
+}
+
 fn point_set<'a>(
     qif: &Qif<'a>,
     set: Node<'a, 'a>,
+    places: &mut Places<'_>,
     found: &mut Vec<Found>,
 ) -> Result<(), ImportError> {
     let list = |name: &str| -> Result<Vec<f64>, ImportError> {
@@ -75,14 +107,14 @@ fn point_set<'a>(
     if points.len() != 3 * deviations.len() || normals.len() != points.len() {
         return Err(qif.at(set, "Points, Normals and Deviations differ in number"));
     }
-    let place = qif.document.text_pos_at(set.range().start);
+    let place = places.of(set);
     for (index, deviation) in deviations.iter().enumerate() {
         let nominal = [0, 1, 2].map(|axis| {
             let at = 3 * index + axis;
             (points[at] - normals[at] * deviation) * qif.metre
         });
         found.push(Found {
-            place: (u64::from(place.row), u64::from(place.col)),
+            place,
             of: Which::Nominal(nominal),
             value: Value::Deviation(deviation * qif.metre),
         });
