@@ -7,8 +7,12 @@
 
 pub mod cdr;
 pub mod cell_file;
+pub mod documents;
+pub mod folder;
 pub mod mcap;
 pub mod remote_shell;
+pub mod report;
+pub mod table;
 pub mod urdf;
 
 /// A reader of bytes of others.
@@ -23,7 +27,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 5] = [
+pub const TARGETS: [Target; 9] = [
     Target {
         name: "cdr",
         run: cdr::target,
@@ -48,5 +52,25 @@ pub const TARGETS: [Target; 5] = [
         name: "remote_shell",
         run: remote_shell::target,
         seeds: remote_shell::seeds,
+    },
+    Target {
+        name: "folder",
+        run: folder::target,
+        seeds: folder::seeds,
+    },
+    Target {
+        name: "table",
+        run: table::target,
+        seeds: table::seeds,
+    },
+    Target {
+        name: "report",
+        run: report::target,
+        seeds: report::seeds,
+    },
+    Target {
+        name: "documents",
+        run: documents::target,
+        seeds: documents::seeds,
     },
 ];

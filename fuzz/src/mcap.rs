@@ -18,6 +18,18 @@ pub fn target(data: &[u8]) {
     let file = folder.path().join("bag.mcap");
     std::fs::write(&file, data).expect("a file in it");
     let Ok(bag) = Bag::open(&file) else { return };
+    read(&bag);
+    let attached = bag.attachments().flatten().count();
+    let to = folder.path().join("saved");
+    let recovery = recover(&file, &to, None).expect("what can be opened can be recovered");
+    assert_eq!(recovery.attachments, attached as u64);
+    let saved = Bag::open(&to).expect("what was recovered can be opened");
+    assert_eq!(saved.verify(), [], "what was recovered is whole");
+    assert_eq!(saved.counts().iter().sum::<u64>(), recovery.messages);
+}
+
+/// Reads a recording in each way that there is.
+pub(crate) fn read(bag: &Bag) {
     let mut last = 0;
     for message in bag.messages().flatten() {
         assert!(
@@ -31,7 +43,7 @@ pub fn target(data: &[u8]) {
     assert_eq!(info.messages, bag.counts().iter().sum::<u64>());
     for measurement in [Measurement::Only, Measurement::Last] {
         // Most inputs are no session; what is one holds only what was checked.
-        if let Ok(session) = Session::read_measurement(&bag, &measurement) {
+        if let Ok(session) = Session::read_measurement(bag, &measurement) {
             assert!(
                 session.events.iter().all(|event| event
                     .message
@@ -41,17 +53,10 @@ pub fn target(data: &[u8]) {
             );
         }
     }
-    let attached = bag.attachments().flatten().count();
-    let to = folder.path().join("saved");
-    let recovery = recover(&file, &to, None).expect("what can be opened can be recovered");
-    assert_eq!(recovery.attachments, attached as u64);
-    let saved = Bag::open(&to).expect("what was recovered can be opened");
-    assert_eq!(saved.verify(), [], "what was recovered is whole");
-    assert_eq!(saved.counts().iter().sum::<u64>(), recovery.messages);
 }
 
 /// A folder in memory where the system has one: what is recovered is synced to its disk.
-fn folder() -> TempDir {
+pub(crate) fn folder() -> TempDir {
     let memory = Path::new("/dev/shm");
     let made = if memory.is_dir() {
         tempfile::tempdir_in(memory)
@@ -73,6 +78,11 @@ pub fn seeds() -> Vec<Vec<u8>> {
 
 /// As our recorder writes it.
 fn recorded(compress: bool) -> Vec<u8> {
+    recording(compress).0
+}
+
+/// A recording's only file, `run_0.mcap`, and its `metadata.yaml`.
+pub(crate) fn recording(compress: bool) -> (Vec<u8>, Vec<u8>) {
     let folder = folder();
     let to = folder.path().join("run");
     let options = RecorderOptions {
@@ -93,7 +103,8 @@ fn recorded(compress: bool) -> Vec<u8> {
             .expect("recorded");
     }
     recorder.stop().expect("a recording");
-    std::fs::read(to.join("run_0.mcap")).expect("the file of the recording")
+    let read = |name| std::fs::read(to.join(name)).expect("a file of the recording");
+    (read("run_0.mcap"), read("metadata.yaml"))
 }
 
 /// As others may write it.

@@ -1,6 +1,12 @@
-//! Each target with some thousand seeded mutations of its seeds: what libFuzzer does for hours, in seconds on stable.
+//! Each target with some thousand seeded mutations of its seeds: what libFuzzer does for hours, in seconds on stable. No input takes
+//! more than 10 s, or more memory than four times its size and 200 MB. `PROBECELL_TESTS=whole` runs at least 10,000 of each.
 
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::Path,
+    sync::{Mutex, PoisonError},
+    time::{Duration, Instant},
+};
 
 use probecell_fuzz::{TARGETS, Target};
 use rand::{Rng, SeedableRng, seq::IndexedRandom};
@@ -23,6 +29,14 @@ const WORDS: [&[u8]; 14] = [
     b"\xff\xff\xff\xff\xff\xff\xff\x7f",
     b"\xc3",
 ];
+
+/// Longest time and most memory, bytes, beside four times its size, that an input takes.
+const LONGEST: Duration = Duration::from_secs(10);
+const MOST: usize = 200_000_000;
+
+/// Inputs with a piece very often, and bytes of the longest.
+const GROWN: usize = 16;
+const SIZE: usize = 4 << 20;
 
 /// Keeps the input where the next run of a debugger finds it, if the target panics.
 struct Kept<'a> {
@@ -51,23 +65,58 @@ fn check(name: &str, mutations: u32) {
     let seeds = seeds();
     let mut random = Pcg64::seed_from_u64(7);
     for seed in &seeds {
-        let _kept = Kept {
-            target: name,
-            input: seed,
-        };
-        run(seed);
+        bounded(name, run, seed);
     }
-    for _ in 0..mutations {
+    let whole = std::env::var_os("PROBECELL_TESTS").is_some_and(|value| value == "whole");
+    let least = if whole { 10_000 } else { 0 };
+    for _ in 0..mutations.max(least) {
         let mut input = seeds.choose(&mut random).expect("seeds").clone();
         for _ in 0..random.random_range(1..=4) {
             mutate(&mut input, &seeds, &mut random);
         }
-        let _kept = Kept {
-            target: name,
-            input: &input,
-        };
-        run(&input);
+        bounded(name, run, &input);
     }
+    // Messages and replies are no files: who sends them bounds them.
+    if !["cdr", "remote_shell"].contains(&name) {
+        for seed in seeds.iter().cycle().take(GROWN.max(seeds.len())) {
+            bounded(name, run, &grown(seed, &mut random));
+        }
+    }
+}
+
+/// The input with one of its pieces so often that it is some megabytes long.
+fn grown(seed: &[u8], random: &mut Pcg64) -> Vec<u8> {
+    let at = random.random_range(0..seed.len());
+    let end = (at + random.random_range(1..=400)).min(seed.len());
+    let often = random.random_range(SIZE / 8..SIZE) / (end - at);
+    [&seed[..at], &seed[at..end].repeat(often), &seed[end..]].concat()
+}
+
+/// Runs one input, while no other runs in this process: its memory is the largest that the process then holds.
+fn bounded(target: &str, run: fn(&[u8]), input: &[u8]) {
+    static ALONE: Mutex<()> = Mutex::new(());
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let _kept = Kept { target, input };
+    fs::write("/proc/self/clear_refs", "5").expect("the largest memory is that of now");
+    let begin = Instant::now();
+    run(input);
+    let took = begin.elapsed();
+    assert!(took < LONGEST, "{} bytes took {took:?}", input.len());
+    let bound = 4 * input.len() + MOST;
+    let peak = peak();
+    assert!(
+        peak < bound,
+        "{} bytes took {peak} bytes of memory",
+        input.len()
+    );
+}
+
+/// Largest resident memory of this process, bytes.
+fn peak() -> usize {
+    let status = fs::read_to_string("/proc/self/status").expect("the state of this process");
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let number = line.and_then(|line| line.trim().strip_suffix(" kB")?.parse::<usize>().ok());
+    1024 * number.expect("its largest resident memory")
 }
 
 fn mutate(input: &mut Vec<u8>, seeds: &[Vec<u8>], random: &mut Pcg64) {
@@ -137,4 +186,24 @@ fn no_cell_file_that_is_accepted_has_a_plan_that_is_not_finite() {
 #[test]
 fn no_reply_of_a_controller_passes_a_number_that_is_not_finite() {
     check("remote_shell", 50_000);
+}
+
+#[test]
+fn no_metadata_makes_a_folder_disagree_with_its_recording() {
+    check("folder", 1_500);
+}
+
+#[test]
+fn no_table_that_is_imported_has_a_touch_that_is_not_finite() {
+    check("table", 100_000);
+}
+
+#[test]
+fn no_report_that_is_read_cannot_be_told() {
+    check("report", 3_000);
+}
+
+#[test]
+fn no_document_of_another_system_gives_a_plan_that_is_not_a_number() {
+    check("documents", 100_000);
 }
