@@ -230,6 +230,23 @@ impl Dynamics {
         self.mount.is_some()
     }
 
+    /// Height of `probe_mount` in the foundation (m), and by how much each joint lifts it (m/rad, or 1); `None` where no body
+    /// carries it.
+    pub fn mount_height(&self, positions: &[f64]) -> Option<(f64, Vec<f64>)> {
+        let (body, mount) = self.mount?;
+        let still = vec![0.0; positions.len()];
+        let (frames, _) = self.motions(positions, &still, &still);
+        let (mut frame, mut at) = (mount, Some(body));
+        while let Some(index) = at {
+            frame = frames[index] * frame;
+            at = self.bodies[index].parent;
+        }
+        // What holds a mass of 1 kg there lifts it.
+        let held = self.load_regressor(positions, &still, &still);
+        let lifts = held.iter().map(|row| row[0] / STANDARD_GRAVITY);
+        Some((frame.translation.z, lifts.collect()))
+    }
+
     /// Efforts per unit of each inertial parameter of each body: for each joint a row of [`PARAMETERS`] values per body.
     pub fn regressor(
         &self,

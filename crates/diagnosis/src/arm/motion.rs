@@ -19,8 +19,6 @@ use crate::report::ParameterEstimate;
 const WORTH: f64 = 0.1;
 /// and in neither way let it grow by more than this share.
 const GROWS: f64 = 0.05;
-/// A lag beside a delay must shrink it by this share more.
-const BOTH: f64 = 0.05;
 /// Causes whose left-out rms differs by less than this share are not told apart.
 const CLOSE: f64 = 0.02;
 /// Stretches of time that are left out in turn.
@@ -31,6 +29,9 @@ const MOST_SAMPLES: usize = 3_000;
 const STANDING: f64 = 0.02;
 /// Usual droop that all parameters of the links make together, over the usual droop.
 const USUAL_COLUMN: f64 = 0.3;
+
+/// Shortest lever at which a joint feels what the tip presses on, m/rad or 1.
+const SHORTEST: f64 = 1e-3;
 
 /// One joint over all sessions.
 struct Axis {
@@ -48,6 +49,8 @@ pub(super) struct Motions<'a> {
     withheld: &'a [Track],
     axes: Vec<Axis>,
     samples: Vec<Vec<usize>>,
+    /// Lowest commanded height of the tip in the fitted sessions, m.
+    lowest: f64,
 }
 
 /// Session, stretch and what is left of it.
@@ -109,11 +112,13 @@ impl<'a> Motions<'a> {
         let bodies: Vec<usize> = (0..dynamics.bodies().len()).filter(moves).collect();
         let samples: Vec<Vec<usize>> = all.iter().map(|track| firsts(track)).collect();
         let loads: Vec<Loads> = (all.iter().zip(&samples))
-            .map(|(track, firsts)| weights(dynamics, track, firsts))
+            .map(|(track, firsts)| Loads::of(dynamics, track, firsts))
             .collect();
+        let lowest = (loads[..fitted.len()].iter().flat_map(|loads| &loads.height))
+            .fold(f64::MAX, |low, &z| low.min(z));
         let mut axes = Vec::new();
         for body in bodies {
-            let scale = Columns::of(dynamics, body, &loads[..fitted.len()].iter());
+            let scale = Columns::of(dynamics, body, lowest, &loads[..fitted.len()].iter());
             let mut joints: Vec<Joint> = (all.iter().zip(&samples))
                 .zip(&loads)
                 .map(|((track, firsts), loads)| {
@@ -138,6 +143,7 @@ impl<'a> Motions<'a> {
             withheld,
             axes,
             samples,
+            lowest,
         })
     }
 
@@ -242,14 +248,9 @@ impl<'a> Motions<'a> {
         let over = |model: &Model| model.over(current);
         models.retain(|model| model.is_better_than(current));
         models.sort_by(|a, b| over(a).total_cmp(&over(b)));
-        // Of a dead time and a lag that do alike the simpler comes first, and of a droop the one by the description; both only where
-        // that is worth it.
+        // Of those with one name that are not told apart the simplest comes first.
         let added = |model: &Model| model.causes[current.causes.len()..].to_vec();
-        let rank = |model: &Model| match added(model).as_slice() {
-            [Cause::Delay] => over(model) * (1.0 - CLOSE),
-            [_, _] => over(model) * (1.0 + BOTH),
-            _ => over(model),
-        };
+        let rank = |model: &Model| over(model) * (1.0 + CLOSE).powi(added(model).len() as i32);
         let best = self.identifier(&added(models.first()?));
         let alike = models
             .into_iter()
@@ -264,13 +265,16 @@ impl<'a> Motions<'a> {
         let (mut former, mut effects) = (before.clone(), Vec::new());
         let quiet = QUIET * self.floor();
         while size(&former) > quiet {
-            // Accelerations and the masses of the links act only beside a droop.
-            let beside = |cause: &Cause| matches!(cause, Cause::Inertia | Cause::Links);
+            // Accelerations, the masses of the links and a contact act only beside a droop.
+            let beside =
+                |cause: &Cause| matches!(cause, Cause::Inertia | Cause::Links | Cause::Contact);
             let single = CAUSES.iter().filter(|&cause| !beside(cause));
             let sets = single.map(|&cause| vec![cause]).chain([
                 vec![Cause::Delay, Cause::Lag],
                 vec![Cause::Droop, Cause::Inertia],
                 vec![Cause::Droop, Cause::Links],
+                vec![Cause::Droop, Cause::Contact],
+                vec![Cause::Droop, Cause::Links, Cause::Contact],
             ]);
             let known: Vec<String> = (current.causes.iter())
                 .map(|&cause| self.identifier(&[cause]))
@@ -319,9 +323,44 @@ impl<'a> Motions<'a> {
         }
         Some(Named {
             effects,
-            remarks: Vec::new(),
+            remarks: self.contact(&current).into_iter().collect(),
             before,
             after: former,
+        })
+    }
+
+    /// What is said of a contact: which joints yield, below which height, and when first.
+    fn contact(&self, model: &Model) -> Option<String> {
+        if !model.causes.contains(&Cause::Contact) {
+            return None;
+        }
+        let felt = self
+            .axes
+            .iter()
+            .zip(&model.parameters)
+            .filter_map(|(axis, own)| {
+                let height = own.contact()?;
+                let pressed = |joint: &Joint| {
+                    let at = joint.height.iter().position(|&z| z < height)?;
+                    Some(joint.time[at])
+                };
+                let (session, first) = (axis.fitted.iter().enumerate())
+                    .find_map(|(session, joint)| Some((session, pressed(joint)?)))?;
+                let (joint, bag) = (
+                    &self.dynamics.bodies()[axis.body].joint,
+                    &self.fitted[session].session,
+                );
+                let height = height + self.lowest;
+                Some(format!(
+                    "{joint} below z = {height:.3} m (at {first:.1} s of {bag})"
+                ))
+            });
+        let felt: Vec<String> = felt.collect();
+        (!felt.is_empty()).then(|| {
+            format!(
+                "probe_mount presses on something and joints yield: {}",
+                felt.join(", ")
+            )
         })
     }
 
@@ -329,7 +368,9 @@ impl<'a> Motions<'a> {
     fn identifier(&self, causes: &[Cause]) -> String {
         match causes[0] {
             Cause::Delay | Cause::Lag => "drive.delay".to_owned(),
-            Cause::Droop | Cause::Inertia | Cause::Links => "drive.droop".to_owned(),
+            Cause::Droop | Cause::Inertia | Cause::Links | Cause::Contact => {
+                "drive.droop".to_owned()
+            }
             Cause::Friction => "drive.coulomb_friction".to_owned(),
             Cause::Scale => {
                 let body = self.axes.first().map_or(0, |axis| axis.body);
@@ -369,7 +410,7 @@ impl<'a> Motions<'a> {
                 group.extend(joints.map(|joint| format!("axis.{joint}.lag")));
             }
             Cause::Friction => group.push("drive.backlash".to_owned()),
-            Cause::Droop | Cause::Inertia | Cause::Links => {
+            Cause::Droop | Cause::Inertia | Cause::Links | Cause::Contact => {
                 group.push("drive.compliance".to_owned());
             }
             Cause::Scale => group.extend(joints.skip(1).map(|joint| format!("axis.{joint}.scale"))),
@@ -395,6 +436,8 @@ impl<'a> Motions<'a> {
             for &(name, place) in names {
                 let unit = match name {
                     "dead_time" | "time_constant" => "s",
+                    "inertia_over_stiffness" => "s²",
+                    "below_height" => "m",
                     "half_width" | "at_mean_weight" | "at_usual_acceleration" => length,
                     _ => "1",
                 };
@@ -402,7 +445,12 @@ impl<'a> Motions<'a> {
                     continue;
                 }
                 let scatter: Vec<f64> = replicates.iter().map(|values| values[place]).collect();
-                let value = own.values[place];
+                let value = own.values[place]
+                    + if name == "below_height" {
+                        self.lowest
+                    } else {
+                        0.0
+                    };
                 let half = half_width(own.deviations[place], &scatter);
                 estimates.push(ParameterEstimate {
                     name: format!("{}.{name}", body.joint),
@@ -445,47 +493,62 @@ fn firsts(track: &Track) -> Vec<usize> {
     (0..track.len()).step_by(run).collect()
 }
 
-/// For each kept sample and joint, at what is commanded: the effort of weight per unit of mass and first moment of each body, and
-/// the effort of speeds and accelerations by the description.
-fn weights(dynamics: &Dynamics, track: &Track, firsts: &[usize]) -> Loads {
-    let count = dynamics.bodies().len();
-    let zero = vec![0.0; count];
-    // What is commanded, of the kept samples: poses, speeds and accelerations of each joint.
-    let time: Vec<f64> = firsts.iter().map(|&sample| track.time[sample]).collect();
-    let piece = vec![0; time.len()];
-    let path = |joint: usize| -> [Vec<f64>; 3] {
-        let values = if track.command[joint].is_empty() {
-            &track.position[joint]
-        } else {
-            &track.command[joint]
-        };
-        let pose: Vec<f64> = firsts.iter().map(|&sample| values[sample]).collect();
-        let speed = derivative(&time, &piece, &pose);
-        let acceleration = derivative(&time, &piece, &speed);
-        [pose, speed, acceleration]
-    };
-    let paths: Vec<[Vec<f64>; 3]> = (0..count).map(path).collect();
-    let at = |order: usize, sample: usize| -> Vec<f64> {
-        paths.iter().map(|path| path[order][sample]).collect()
-    };
-    let mut inertial = Vec::with_capacity(time.len());
-    let rows = (0..time.len()).map(|sample| {
-        let pose = at(0, sample);
-        let rows = dynamics.regressor(&pose, &zero, &zero);
-        let moved = dynamics.efforts(&pose, &at(1, sample), &at(2, sample));
-        let pairs = moved.iter().zip(&rows);
-        inertial.push(
-            pairs
-                .map(|(moved, row)| moved - dynamics.nominal(row))
-                .collect(),
-        );
-        rows
-    });
-    (rows.collect(), inertial)
+/// What acts on the joints where they are commanded, by kept sample.
+struct Loads {
+    /// Of each joint the effort of weight per unit of each inertial parameter of each body.
+    rows: Vec<Vec<Vec<f64>>>,
+    /// Of each joint the effort of speeds and accelerations by the description.
+    inertial: Vec<Vec<f64>>,
+    /// Of each joint the way of the tip upwards, m/rad or 1; zeros without a tip.
+    lever: Vec<Vec<f64>>,
+    /// Height of the tip, m.
+    height: Vec<f64>,
 }
 
-/// Rows of weight by sample and joint, and efforts of the motion.
-type Loads = (Vec<Vec<Vec<f64>>>, Vec<Vec<f64>>);
+impl Loads {
+    fn of(dynamics: &Dynamics, track: &Track, firsts: &[usize]) -> Self {
+        let count = dynamics.bodies().len();
+        let zero = vec![0.0; count];
+        let time: Vec<f64> = firsts.iter().map(|&sample| track.time[sample]).collect();
+        let piece = vec![0; time.len()];
+        let path = |joint: usize| -> [Vec<f64>; 3] {
+            let values = if track.command[joint].is_empty() {
+                &track.position[joint]
+            } else {
+                &track.command[joint]
+            };
+            let pose: Vec<f64> = firsts.iter().map(|&sample| values[sample]).collect();
+            let speed = derivative(&time, &piece, &pose);
+            let acceleration = derivative(&time, &piece, &speed);
+            [pose, speed, acceleration]
+        };
+        let paths: Vec<[Vec<f64>; 3]> = (0..count).map(path).collect();
+        let mut loads = Self {
+            rows: Vec::new(),
+            inertial: Vec::new(),
+            lever: Vec::new(),
+            height: Vec::new(),
+        };
+        for sample in 0..time.len() {
+            let [pose, speed, acceleration] = [0, 1, 2].map(|order| {
+                paths
+                    .iter()
+                    .map(|path| path[order][sample])
+                    .collect::<Vec<_>>()
+            });
+            let rows = dynamics.regressor(&pose, &zero, &zero);
+            let moved = dynamics.efforts(&pose, &speed, &acceleration);
+            let pairs = moved.iter().zip(&rows);
+            let inertial = pairs.map(|(moved, row)| moved - dynamics.nominal(row));
+            loads.inertial.push(inertial.collect());
+            loads.rows.push(rows);
+            let (height, lever) = (dynamics.mount_height(&pose)).unwrap_or((0.0, zero.clone()));
+            loads.lever.push(lever);
+            loads.height.push(height);
+        }
+        loads
+    }
+}
 
 /// How the columns of a joint's droop are scaled.
 struct Columns {
@@ -495,18 +558,23 @@ struct Columns {
     inertial: f64,
     /// Columns that act on the joint, and their root mean square.
     used: Vec<(usize, f64)>,
+    /// Longest lever of the tip, m/rad or 1; zero where it is too short to tell.
+    lever: f64,
+    /// Lowest commanded height of the tip, m.
+    lowest: f64,
 }
 
 impl Columns {
     fn of<'a>(
         dynamics: &Dynamics,
         body: usize,
+        lowest: f64,
         sessions: &(impl Iterator<Item = &'a Loads> + Clone),
     ) -> Self {
         let rows = || {
             sessions
                 .clone()
-                .flat_map(|loads| &loads.0)
+                .flat_map(|loads| &loads.rows)
                 .map(|row| &row[body])
         };
         let count = rows().count().max(1) as f64;
@@ -518,9 +586,15 @@ impl Columns {
             (column, square.sqrt())
         });
         let moved: Vec<f64> = (sessions.clone())
-            .flat_map(|loads| loads.1.iter().map(|row| row[body]))
+            .flat_map(|loads| loads.inertial.iter().map(|row| row[body]))
             .collect();
+        let levers = sessions
+            .clone()
+            .flat_map(|loads| loads.lever.iter().map(|row| row[body].abs()));
+        let lever = levers.fold(0.0, f64::max);
         Self {
+            lever: if lever > SHORTEST { lever } else { 0.0 },
+            lowest,
             mean,
             inertial: rms(&moved),
             used: sized.filter(|(_, size)| *size > 1e-9).collect(),
@@ -533,7 +607,7 @@ fn joint(
     dynamics: &Dynamics,
     track: &Track,
     body: usize,
-    (firsts, (rows, inertial)): (&[usize], &Loads),
+    (firsts, loads): (&[usize], &Loads),
     scale: &Columns,
 ) -> Joint {
     let run = |values: &[f64]| -> Vec<f64> {
@@ -547,6 +621,7 @@ fn joint(
     let pairs = position.iter().zip(&command);
     let offset =
         pairs.map(|(read, commanded)| read - commanded).sum::<f64>() / position.len().max(1) as f64;
+    let rows = &loads.rows;
     let mut droop = DMatrix::zeros(rows.len(), 3 + scale.used.len());
     let usual = USUAL_COLUMN / (scale.used.len().max(1) as f64).sqrt();
     let mut weight = vec![0.0; rows.len()];
@@ -560,7 +635,7 @@ fn joint(
         droop[(sample, 0)] = 1.0;
         droop[(sample, 1)] = nominal;
         if scale.inertial > 1e-9 {
-            droop[(sample, 2)] = inertial[sample][body] / scale.inertial;
+            droop[(sample, 2)] = loads.inertial[sample][body] / scale.inertial;
         }
         for (place, &(column, size)) in scale.used.iter().enumerate() {
             droop[(sample, 3 + place)] = usual * row[column] / size;
@@ -572,5 +647,17 @@ fn joint(
         position: position.iter().map(|read| read - offset).collect(),
         droop,
         weight,
+        lever: loads
+            .lever
+            .iter()
+            .map(|row| {
+                if scale.lever > 0.0 {
+                    row[body] / scale.lever.powi(2)
+                } else {
+                    0.0
+                }
+            })
+            .collect(),
+        height: loads.height.iter().map(|z| z - scale.lowest).collect(),
     }
 }

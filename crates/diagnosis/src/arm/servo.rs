@@ -1,9 +1,11 @@
 //! A position-controlled joint: what it does on a command, simulated from the command alone.
 //!
-//! The command arrives late (dead time τ) and smoothed (first-order lag T), scaled by 1 + s. The controller has no integral part,
-//! so that the joint hangs by c = Cθ behind it under the weight that it carries, and it rests while friction holds it: it stays
-//! inside a play of half width h = r (1 + λ(|g| − 1)), g the weight over its mean (the play operator: Krasnosel'skiĭ and Pokrovskiĭ
-//! 1989; friction behind a proportional controller: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994). rad or m, s.
+//! The command u arrives late (dead time τ), scaled by 1 + s. The controller is proportional, without integral part; all over its
+//! stiffness, the joint obeys m q̈ + T q̇ = (1 + s) u + c − q − friction, with its inertia m (s²) and its damping T (s). It hangs
+//! by c = Cθ under the weight that it carries, and where the tip presses on something lower than z it yields by as much of the
+//! depth as the lever of the tip allows. Friction takes what it can up to h = r (1 + λ(|g| − 1)), g the weight over its mean
+//! (Armstrong-Hélouvry, Dupont and Canudas de Wit 1994): without m and T it is a play of half width h (Krasnosel'skiĭ and
+//! Pokrovskiĭ 1989). Steps are implicit (Euler), so that a stiff joint is no special case. rad or m, s.
 //! Derivatives with respect to all parameters go along with the simulation.
 
 use metrology::statistics::rms;
@@ -25,8 +27,15 @@ const MOST_BY_LOAD: f64 = 1.0;
 const LEAST_CHANGE: f64 = 0.05;
 /// Share of samples that are independent, as long as no fit tells.
 const SHARE: f64 = 0.05;
-/// Shortest time constant, over the step of the samples.
-const FASTEST: f64 = 0.05;
+/// Longest step of a simulation (s), and most of them from one sample to the next.
+const STEP: f64 = 0.005;
+const MOST_STEPS: usize = 8;
+/// Largest inertia over stiffness, s².
+const HEAVIEST: f64 = 0.1;
+/// Depths to which a contact is sought at first, over the height that the tip is commanded through.
+const DEPTHS: [f64; 3] = [0.1, 0.25, 0.5];
+/// How much of the depth a joint that alone yields gives way.
+const YIELDS: f64 = 1.0;
 
 /// One joint over one session.
 pub(super) struct Joint {
@@ -39,6 +48,10 @@ pub(super) struct Joint {
     pub(super) droop: DMatrix<f64>,
     /// Weight over its mean.
     pub(super) weight: Vec<f64>,
+    /// Joint's way per height of the tip, if it alone moved, at its longest lever, times the lever over that; rad/m or 1.
+    pub(super) lever: Vec<f64>,
+    /// Height of the tip where it is commanded over the lowest one, m.
+    pub(super) height: Vec<f64>,
 }
 
 /// What a joint is given of.
@@ -46,7 +59,7 @@ pub(super) struct Joint {
 pub(super) enum Cause {
     /// A dead time.
     Delay,
-    /// A first-order lag.
+    /// A second-order lag: damping and inertia over stiffness.
     Lag,
     /// A position that yields to the weight by the description.
     Droop,
@@ -54,6 +67,8 @@ pub(super) enum Cause {
     Inertia,
     /// The same with the masses of all links free.
     Links,
+    /// The same to what the tip presses on.
+    Contact,
     /// Friction behind a proportional controller, or play.
     Friction,
     /// An amplitude other than commanded.
@@ -61,7 +76,7 @@ pub(super) enum Cause {
 }
 
 /// All of them, in the order of the parameters.
-pub(super) const CAUSES: [Cause; 7] = [
+pub(super) const CAUSES: [Cause; 8] = [
     Cause::Delay,
     Cause::Lag,
     Cause::Friction,
@@ -69,16 +84,21 @@ pub(super) const CAUSES: [Cause; 7] = [
     Cause::Droop,
     Cause::Inertia,
     Cause::Links,
+    Cause::Contact,
 ];
 
-/// Places of the parameters: dead time, time constant, half width, its dependence on load, scale, then those of the droop: a
-/// constant, by weight, by acceleration, and by the masses of the links.
+/// Places of the parameters: dead time, time constant, inertia, half width, its dependence on load, scale, share of the depth by
+/// which the joint yields to a contact and its height, then those of the droop: a constant, by weight, by acceleration, and by the
+/// masses of the links.
 const DEAD_TIME: usize = 0;
 const TIME_CONSTANT: usize = 1;
-const HALF_WIDTH: usize = 2;
-const BY_LOAD: usize = 3;
-const SCALE: usize = 4;
-const FIRST_DROOP: usize = 5;
+const INERTIA: usize = 2;
+const HALF_WIDTH: usize = 3;
+const BY_LOAD: usize = 4;
+const SCALE: usize = 5;
+const YIELD: usize = 6;
+const HEIGHT: usize = 7;
+const FIRST_DROOP: usize = 8;
 const BY_WEIGHT: usize = FIRST_DROOP + 1;
 const BY_ACCELERATION: usize = FIRST_DROOP + 2;
 
@@ -92,16 +112,26 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
+    /// Height below which the joint yields for sure to what its tip presses on, m over the lowest.
+    pub(super) fn contact(&self) -> Option<f64> {
+        (self.values[YIELD] > 2.0 * self.deviations[YIELD] && self.values[YIELD] > 0.0)
+            .then(|| self.values[HEIGHT])
+    }
+
     /// Name, unit and place of those of a cause that people read.
     pub(super) fn of(cause: Cause) -> &'static [(&'static str, usize)] {
         match cause {
             Cause::Delay => &[("dead_time", DEAD_TIME)],
-            Cause::Lag => &[("time_constant", TIME_CONSTANT)],
+            Cause::Lag => &[
+                ("time_constant", TIME_CONSTANT),
+                ("inertia_over_stiffness", INERTIA),
+            ],
             Cause::Friction => &[("half_width", HALF_WIDTH), ("by_load", BY_LOAD)],
             Cause::Scale => &[("scale", SCALE)],
             Cause::Droop => &[("at_mean_weight", BY_WEIGHT)],
             Cause::Inertia => &[("at_usual_acceleration", BY_ACCELERATION)],
             Cause::Links => &[],
+            Cause::Contact => &[("yields_to_contact", YIELD), ("below_height", HEIGHT)],
         }
     }
 }
@@ -110,9 +140,10 @@ impl Parameters {
 fn is_free(parameter: usize, causes: &[Cause]) -> bool {
     let cause = match parameter {
         DEAD_TIME => Cause::Delay,
-        TIME_CONSTANT => Cause::Lag,
+        TIME_CONSTANT | INERTIA => Cause::Lag,
         HALF_WIDTH | BY_LOAD => Cause::Friction,
         SCALE => Cause::Scale,
+        YIELD | HEIGHT => Cause::Contact,
         FIRST_DROOP => return true,
         BY_WEIGHT => Cause::Droop,
         BY_ACCELERATION => Cause::Inertia,
@@ -122,100 +153,100 @@ fn is_free(parameter: usize, causes: &[Cause]) -> bool {
 }
 
 impl Joint {
-    /// Positions that the parameters predict, and their derivatives.
-    pub(super) fn simulated(&self, values: &[f64], derivatives: bool) -> (Vec<f64>, DMatrix<f64>) {
-        let count = self.time.len();
-        let width = values.len();
-        let mut along = DMatrix::zeros(width, if derivatives { count } else { 0 });
-        let late = self.late(values[DEAD_TIME]);
-        let slope = effects::drive::signals::derivative(&self.time, &vec![0; count], &late);
-        let time_constant = values[TIME_CONSTANT].max(0.0);
-        // Filtered command with its derivatives by dead time and time constant.
-        let (mut slow, mut by_late, mut by_lag) = (late[0], 0.0, 0.0);
+    /// Positions that the parameters predict, and by rows their derivatives with respect to those that are `free`.
+    pub(super) fn simulated(&self, values: &[f64], free: &[usize]) -> (Vec<f64>, DMatrix<f64>) {
+        let (count, width) = (self.time.len(), free.len());
+        let mut along = DMatrix::zeros(width, count);
+        let [damping, inertia, scale] =
+            [values[TIME_CONSTANT], values[INERTIA], 1.0 + values[SCALE]];
         let droop = &self.droop * DVector::from_column_slice(&values[FIRST_DROOP..]);
-        let mut at = self.position[0];
-        let mut tangent = DVector::zeros(width);
+        let still = damping == 0.0 && inertia == 0.0;
+        let (mut at, mut speed) = (self.position[0], 0.0);
+        let (mut moved, mut faster) = (vec![0.0; width], vec![0.0; width]);
         let mut positions = Vec::with_capacity(count);
+        let mut command = Delayed::new(self, values[DEAD_TIME]);
         for sample in 0..count {
-            let step = match sample {
-                0 => 0.0,
-                _ => self.time[sample] - self.time[sample - 1],
-            };
-            let (share, by_constant) = if time_constant > FASTEST * step && step > 0.0 {
-                let decay = (-step / time_constant).exp();
-                (1.0 - decay, -decay * step / (time_constant * time_constant))
+            let before = sample.saturating_sub(1);
+            let span = self.time[sample] - self.time[before];
+            let steps = if still {
+                1
             } else {
-                // Faster than the samples: the lag is a dead time of the same length.
-                (1.0, 0.0)
+                ((span / STEP).ceil() as usize).clamp(1, MOST_STEPS)
             };
-            by_lag += by_constant * (late[sample] - slow) - share * by_lag;
-            by_late += share * (-slope[sample] - by_late);
-            slow += share * (late[sample] - slow);
-            let by_lag_here = if share < 1.0 { by_lag } else { -slope[sample] };
-            let scale = 1.0 + values[SCALE];
-            let centre = scale * slow + droop[sample];
-            let loaded = 1.0 + values[BY_LOAD] * (self.weight[sample] - 1.0);
-            let half = values[HALF_WIDTH] * loaded;
-            let side = if at < centre - half {
-                -1.0
-            } else if at > centre + half {
-                1.0
-            } else {
-                0.0
+            // Without inertia and damping a step takes any time; the first sample begins where it is measured.
+            let step = match (sample, still) {
+                (0, false) => 0.0,
+                (0, true) => 1.0,
+                _ => (span / steps as f64).max(1e-9),
             };
-            if side != 0.0 {
-                at = centre + side * half;
-                if derivatives {
-                    tangent[DEAD_TIME] = scale * by_late;
-                    tangent[TIME_CONSTANT] = scale * by_lag_here;
-                    tangent[HALF_WIDTH] = side * loaded;
-                    tangent[BY_LOAD] = side * values[HALF_WIDTH] * (self.weight[sample] - 1.0);
-                    tangent[SCALE] = slow;
-                    for (column, value) in self.droop.row(sample).iter().enumerate() {
-                        tangent[FIRST_DROOP + column] = *value;
-                    }
+            for part in 1..=steps {
+                if step == 0.0 {
+                    break;
+                }
+                let share = part as f64 / steps as f64;
+                let between =
+                    |values: &[f64]| values[before] + share * (values[sample] - values[before]);
+                let (late, slope) = command.at(self.time[before] + share * span);
+                let load = between(&self.weight) - 1.0;
+                let (lever, depth) = (
+                    between(&self.lever),
+                    (values[HEIGHT] - between(&self.height)).max(0.0),
+                );
+                let centre =
+                    scale * late + between(droop.as_slice()) + values[YIELD] * lever * depth;
+                let held = step * values[HALF_WIDTH] * (1.0 + values[BY_LOAD] * load);
+                let whole = inertia + step * damping + step * step;
+                let push = inertia * speed + step * (centre - at);
+                let side = if push > held {
+                    1.0
+                } else if push < -held {
+                    -1.0
+                } else {
+                    0.0
+                };
+                let former = speed;
+                speed = if side == 0.0 {
+                    0.0
+                } else {
+                    (push - side * held) / whole
+                };
+                at += step * speed;
+                if side == 0.0 {
+                    faster.fill(0.0);
+                    continue;
+                }
+                for (&place, (moved, faster)) in free.iter().zip(moved.iter_mut().zip(&mut faster))
+                {
+                    let own = match place {
+                        DEAD_TIME => -step * scale * slope,
+                        TIME_CONSTANT => -step * speed,
+                        INERTIA => former - speed,
+                        HALF_WIDTH => -side * step * (1.0 + values[BY_LOAD] * load),
+                        BY_LOAD => -side * step * values[HALF_WIDTH] * load,
+                        SCALE => step * late,
+                        YIELD => step * lever * depth,
+                        HEIGHT if depth > 0.0 => step * values[YIELD] * lever,
+                        HEIGHT => 0.0,
+                        _ => {
+                            let column = place - FIRST_DROOP;
+                            let (old, new) =
+                                (self.droop[(before, column)], self.droop[(sample, column)]);
+                            step * (old + share * (new - old))
+                        }
+                    };
+                    *faster = (inertia * *faster - step * *moved + own) / whole;
+                    *moved += step * *faster;
                 }
             }
             positions.push(at);
-            if derivatives {
-                along.set_column(sample, &tangent);
-            }
+            along.column_mut(sample).copy_from_slice(&moved);
         }
         (positions, along)
     }
 
-    /// The command so much later, s.
-    fn late(&self, dead_time: f64) -> Vec<f64> {
-        let mut next = 0;
-        let value = |&instant: &f64| {
-            let instant = instant - dead_time;
-            while next + 1 < self.time.len() && self.time[next + 1] < instant {
-                next += 1;
-            }
-            let last = self.time.len() - 1;
-            let (before, after) = (next, (next + 1).min(last));
-            let span = self.time[after] - self.time[before];
-            if instant <= self.time[before] || span <= 0.0 {
-                return self.command[before];
-            }
-            let share = ((instant - self.time[before]) / span).min(1.0);
-            // Cubic, with central slopes (Catmull and Rom 1974): a straight line would round the command off.
-            let slope = |at: usize| {
-                let (low, high) = (at.saturating_sub(1), (at + 1).min(last));
-                (self.command[high] - self.command[low]) / (self.time[high] - self.time[low])
-            };
-            let (from, to) = (self.command[before], self.command[after]);
-            let rest = 1.0 - share;
-            from * (1.0 + 2.0 * share) * rest * rest
-                + to * share * share * (3.0 - 2.0 * share)
-                + span * share * rest * (slope(before) * rest - slope(after) * share)
-        };
-        self.time.iter().map(value).collect()
-    }
-
     /// What the parameters leave, without its mean over the session: an encoder's zero.
     pub(super) fn left(&self, values: &[f64]) -> Vec<f64> {
-        let (simulated, _) = self.simulated(values, false);
+        let (simulated, _) = self.simulated(values, &[]);
         centred(
             self.position
                 .iter()
@@ -223,6 +254,54 @@ impl Joint {
                 .map(|(read, model)| read - model)
                 .collect(),
         )
+    }
+}
+
+/// The command of a joint some time later, at instants that only grow.
+struct Delayed<'a> {
+    joint: &'a Joint,
+    dead_time: f64,
+    next: usize,
+}
+
+impl<'a> Delayed<'a> {
+    fn new(joint: &'a Joint, dead_time: f64) -> Self {
+        Self {
+            joint,
+            dead_time,
+            next: 0,
+        }
+    }
+
+    /// Command and its slope.
+    fn at(&mut self, instant: f64) -> (f64, f64) {
+        let (time, command) = (&self.joint.time, &self.joint.command);
+        let instant = instant - self.dead_time;
+        while self.next + 1 < time.len() && time[self.next + 1] < instant {
+            self.next += 1;
+        }
+        let last = time.len() - 1;
+        let (before, after) = (self.next, (self.next + 1).min(last));
+        let span = time[after] - time[before];
+        if instant <= time[before] || span <= 0.0 {
+            return (command[before], 0.0);
+        }
+        let share = ((instant - time[before]) / span).min(1.0);
+        // Cubic, with central slopes (Catmull and Rom 1974): a straight line would round the command off.
+        let slope = |at: usize| {
+            let (low, high) = (at.saturating_sub(1), (at + 1).min(last));
+            (command[high] - command[low]) / (time[high] - time[low])
+        };
+        let (from, to) = (command[before], command[after]);
+        let (leaves, comes) = (slope(before), slope(after));
+        let rest = 1.0 - share;
+        let value = from * (1.0 + 2.0 * share) * rest * rest
+            + to * share * share * (3.0 - 2.0 * share)
+            + span * share * rest * (leaves * rest - comes * share);
+        let steep = 6.0 * share * rest * (to - from) / span
+            + leaves * rest * (1.0 - 3.0 * share)
+            + comes * share * (3.0 * share - 2.0);
+        (value, steep)
     }
 }
 
@@ -235,11 +314,14 @@ pub(super) fn centred(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// Usual sizes of the parameters of a joint whose command goes over `range` (rad or m).
-fn usual(range: f64, width: usize) -> Vec<f64> {
+/// Usual sizes of the parameters of a joint whose command goes over `range` (rad or m), and whose tip over `height` (m).
+fn usual(range: f64, height: f64, width: usize) -> Vec<f64> {
     let mut usual = vec![USUAL * range; width];
     usual[DEAD_TIME] = 0.1;
     usual[TIME_CONSTANT] = 0.1;
+    usual[INERTIA] = 0.01;
+    usual[YIELD] = YIELDS;
+    usual[HEIGHT] = height;
     usual[BY_LOAD] = 0.5;
     usual[SCALE] = 0.1;
     usual
@@ -265,6 +347,7 @@ pub(super) fn fit(
     let mut plain = vec![0.0; width];
     if causes.contains(&Cause::Lag) {
         plain[TIME_CONSTANT] = 0.03;
+        plain[INERTIA] = 0.001;
     }
     if causes.contains(&Cause::Delay) {
         plain[DEAD_TIME] = 0.01;
@@ -289,22 +372,35 @@ pub(super) fn fit(
                 }
             })
             .collect();
-        for place in [TIME_CONSTANT, HALF_WIDTH] {
+        for place in [TIME_CONSTANT, INERTIA, HALF_WIDTH] {
             if is_free(place, causes) && one[place] == 0.0 {
                 one[place] = starts[0][place];
             }
         }
-        starts = if causes.contains(&Cause::Friction) && known[HALF_WIDTH] == 0.0 {
-            (widths.iter())
-                .map(|share| {
-                    let mut with = one.clone();
-                    with[HALF_WIDTH] = share * range;
-                    with
-                })
-                .collect()
-        } else {
-            vec![one]
+        let anew = causes.contains(&Cause::Friction)
+            && (known[HALF_WIDTH] == 0.0 || causes.contains(&Cause::Links));
+        let widened = widths.iter().map(|share| {
+            let mut with = one.clone();
+            with[HALF_WIDTH] = share * range;
+            with
+        });
+        let widened: Vec<_> = widened.filter(|_| anew).collect();
+        starts = vec![one];
+        if anew && known[HALF_WIDTH] == 0.0 {
+            starts.clear();
+        }
+        starts.extend(widened);
+    }
+    if free.contains(&HEIGHT) && starts.iter().all(|start| start[YIELD] == 0.0) {
+        let pressed = |start: &Vec<f64>| {
+            let start = start.clone();
+            DEPTHS.map(|depth| {
+                let mut pressed = start.clone();
+                (pressed[YIELD], pressed[HEIGHT]) = (0.3 * YIELDS, depth * usual[HEIGHT]);
+                pressed
+            })
         };
+        starts = starts.iter().flat_map(pressed).collect();
     }
     let gap: Vec<f64> = sessions
         .iter()
@@ -318,20 +414,15 @@ pub(super) fn fit(
         used,
         rounds: ROUNDS,
     };
-    let solved = |problem: &Problem<'_>, starts: Vec<Vec<f64>>| {
-        (starts.into_iter())
-            .filter_map(|start| problem.solved(start))
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            .map(|one| one.1)
-    };
-    let rough = solved(&problem, starts)?;
+    let tried = starts.into_iter().filter_map(|start| problem.solved(start));
+    let rough = tried.min_by(|a, b| a.0.total_cmp(&b.0))?.1;
     // Once more with what remains as the noise: samples of one stick or slip count as one.
     let left: Vec<f64> = sessions
         .iter()
         .flat_map(|joint| joint.left(&rough))
         .collect();
     problem.noise = (rms(&left) / independent_share(&left).sqrt()).max(1e-9);
-    let values = solved(&problem, vec![rough])?;
+    let values = problem.solved(rough)?.1;
     problem.parameters(values)
 }
 
@@ -359,7 +450,18 @@ fn free(sessions: &[&Joint], causes: &[Cause], width: usize) -> Vec<usize> {
     let weights = sessions.iter().flat_map(|joint| &joint.weight);
     let changes: Vec<f64> = weights.map(|weight| weight - 1.0).collect();
     let is_loaded = rms(&changes) > LEAST_CHANGE;
-    let is_used = |&place: &usize| is_free(place, causes) && (place != BY_LOAD || is_loaded);
+    let reaches = sessions
+        .iter()
+        .flat_map(|joint| &joint.lever)
+        .any(|&lever| lever != 0.0);
+    let is_used = |&place: &usize| {
+        is_free(place, causes)
+            && match place {
+                BY_LOAD => is_loaded,
+                YIELD | HEIGHT => reaches,
+                _ => true,
+            }
+    };
     (0..width).filter(is_used).collect()
 }
 
@@ -369,7 +471,9 @@ fn usual_of(sessions: &[&Joint], width: usize) -> Vec<f64> {
         .iter()
         .flat_map(|joint| joint.command.clone())
         .collect();
-    usual(range(&commands).max(1e-6), width)
+    let heights = sessions.iter().flat_map(|joint| joint.height.clone());
+    let heights: Vec<f64> = heights.collect();
+    usual(range(&commands).max(1e-6), range(&heights).max(1e-6), width)
 }
 
 impl Joint {
@@ -402,7 +506,7 @@ impl Problem<'_> {
         );
         let mut cost: f64 = right.norm_squared();
         for (number, joint) in self.sessions.iter().enumerate() {
-            let (simulated, along) = joint.simulated(values, true);
+            let (simulated, along) = joint.simulated(values, self.free);
             let rows: Vec<usize> = (0..simulated.len())
                 .filter(|&sample| (self.used)(number, sample))
                 .collect();
@@ -414,7 +518,7 @@ impl Problem<'_> {
                 rows.iter()
                     .map(|&sample| (joint.position[sample] - simulated[sample]) / self.noise),
             );
-            let mut columns = along.select_columns(&rows).select_rows(self.free);
+            let mut columns = along.select_columns(&rows);
             for (mut row, &place) in columns.row_iter_mut().zip(self.free) {
                 row *= self.usual[place] / self.noise;
             }
@@ -476,7 +580,10 @@ impl Problem<'_> {
 fn bounded(values: &mut [f64]) {
     values[DEAD_TIME] = values[DEAD_TIME].clamp(0.0, SLOWEST);
     values[TIME_CONSTANT] = values[TIME_CONSTANT].clamp(0.0, SLOWEST);
+    values[INERTIA] = values[INERTIA].clamp(0.0, HEAVIEST);
     values[HALF_WIDTH] = values[HALF_WIDTH].max(0.0);
+    values[YIELD] = values[YIELD].max(0.0);
+    values[HEIGHT] = values[HEIGHT].max(0.0);
     values[BY_LOAD] = values[BY_LOAD].clamp(0.0, MOST_BY_LOAD);
     values[SCALE] = values[SCALE].clamp(-0.5, 0.5);
 }
@@ -485,7 +592,7 @@ fn bounded(values: &mut [f64]) {
 mod tests {
     use super::*;
 
-    /// A joint that swings twice and rests, with a droop that follows another wave.
+    /// A joint that swings twice and rests, with a droop that follows another wave and a tip that goes up and down with it.
     fn joint(values: &[f64]) -> Joint {
         let time: Vec<f64> = (0..1500).map(|k| 0.02 * f64::from(k)).collect();
         let command: Vec<f64> = (time.iter())
@@ -504,24 +611,27 @@ mod tests {
                 _ => 1.0 + 0.5 * (0.31 * time[row]).cos(),
             }),
             position: vec![0.0; time.len()],
+            lever: time.iter().map(|t| 4.0 - 0.5 * (0.4 * t).sin()).collect(),
+            height: command.iter().map(|angle| 0.2 * (angle + 0.5)).collect(),
             time,
             command,
         };
-        joint.position = joint.simulated(values, false).0;
+        joint.position = joint.simulated(values, &[]).0;
         joint
     }
 
-    const TRUE: [f64; 7] = [0.05, 0.04, 0.02, 0.3, -0.02, 0.001, -0.03];
+    const TRUE: [f64; 10] = [0.05, 0.04, 0.003, 0.02, 0.3, -0.02, 0.4, 0.06, 0.001, -0.03];
 
     #[test]
     fn its_derivatives_are_those_of_the_simulation() {
         let joint = joint(&TRUE);
-        let (_, along) = joint.simulated(&TRUE, true);
-        for place in 0..TRUE.len() {
+        let all: Vec<usize> = (0..TRUE.len()).collect();
+        let (_, along) = joint.simulated(&TRUE, &all);
+        for place in all {
             let moved = |step: f64| {
                 let mut values = TRUE;
                 values[place] += step;
-                joint.simulated(&values, false).0
+                joint.simulated(&values, &[]).0
             };
             let (high, low) = (moved(1e-6), moved(-1e-6));
             // A sample at which the joint begins to stick has two derivatives.
@@ -536,7 +646,9 @@ mod tests {
 
     #[test]
     fn a_joint_inside_its_play_does_not_move() {
-        let joint = joint(&[0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0]);
+        let mut play = [0.0; TRUE.len()];
+        play[HALF_WIDTH] = 0.05;
+        let joint = joint(&play);
         for (sample, pair) in joint.position.windows(2).enumerate() {
             let distance = (joint.command[sample + 1] - pair[0]).abs();
             assert!(distance > 0.05 || pair[0] == pair[1], "{sample}");
@@ -551,14 +663,91 @@ mod tests {
     fn what_was_planted_is_found_and_stretches_are_predicted_that_were_left_out() {
         let joint = joint(&TRUE);
         let found = fit(&[&joint], &CAUSES, None, &|_, sample| sample % 500 < 400).unwrap();
-        for place in [HALF_WIDTH, SCALE] {
+        for (place, within) in [(HALF_WIDTH, 2e-3), (SCALE, 2e-3), (HEIGHT, 5e-3)] {
             assert!(
-                (found.values[place] - TRUE[place]).abs() < 2e-3,
+                (found.values[place] - TRUE[place]).abs() < within,
                 "{place}: {found:?}"
             );
         }
         let late = found.values[DEAD_TIME] + found.values[TIME_CONSTANT];
         assert!((late - 0.09).abs() < 5e-3, "{late}");
         assert!(rms(&joint.left(&found.values)) < 1e-3);
+    }
+
+    /// A servo integrated by Runge and Kutta with a smooth friction, m q̈ + T q̇ = u(t − τ) − q − h tanh(q̇/ε), at steps of 0.1 ms.
+    #[test]
+    fn a_second_order_servo_is_found_and_predicted_where_it_is_faster() {
+        let (damping, inertia, friction) = (0.09, 0.0055, 0.02);
+        let sweep = |rate: f64, faster: f64| {
+            let command = |t: f64| 0.3 * (rate * t + faster * t * t).sin();
+            let change = |t: f64, q: f64, v: f64| {
+                let rubs = friction * (v / 1e-3_f64).tanh();
+                (command(t) - q - damping * v - rubs) / inertia
+            };
+            let (mut q, mut v, step) = (0.0, 0.0, 1e-4);
+            let mut joint = joint(&[0.0; TRUE.len()]);
+            for (sample, time) in joint.time.clone().into_iter().enumerate() {
+                joint.command[sample] = command(time);
+                joint.position[sample] = q;
+                for part in 0..200 {
+                    let t = time + step * f64::from(part);
+                    let (v1, a1) = (v, change(t, q, v));
+                    let (v2, a2) = (
+                        v + 0.5 * step * a1,
+                        change(t + 0.5 * step, q + 0.5 * step * v1, v + 0.5 * step * a1),
+                    );
+                    let (v3, a3) = (
+                        v + 0.5 * step * a2,
+                        change(t + 0.5 * step, q + 0.5 * step * v2, v + 0.5 * step * a2),
+                    );
+                    let (v4, a4) = (
+                        v + step * a3,
+                        change(t + step, q + step * v3, v + step * a3),
+                    );
+                    q += step / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4);
+                    v += step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+                }
+            }
+            joint
+        };
+        let (slow, fast) = (sweep(0.5, 0.05), sweep(1.0, 0.2));
+        let causes = [Cause::Lag, Cause::Friction];
+        let found = fit(&[&slow], &causes, None, &|_, _| true).unwrap().values;
+        assert!((found[TIME_CONSTANT] - damping).abs() < 5e-3, "{found:?}");
+        assert!((found[INERTIA] - inertia).abs() < 1e-3, "{found:?}");
+        assert!((found[HALF_WIDTH] - friction).abs() < 1e-3, "{found:?}");
+        let (left, gap) = (rms(&fast.left(&found)), rms(&centred(fast.difference())));
+        assert!(left < 0.03 * gap, "{left} of {gap}");
+    }
+
+    /// A link of 0.3 m that turns about a level axis and comes to lie on a rigid table: it stops there, whatever is commanded.
+    #[test]
+    fn the_height_of_a_table_is_found_and_another_motion_predicted() {
+        let (length, table) = (0.3, -0.05_f64);
+        let swings = |rate: f64| {
+            let mut joint = joint(&[0.0; TRUE.len()]);
+            joint.command = joint
+                .time
+                .iter()
+                .map(|t| 0.3 * (rate * t).sin() - 0.05)
+                .collect();
+            let turn = |&angle: &f64| f64::max(angle, (table / length).asin());
+            joint.position = joint.command.iter().map(turn).collect();
+            joint.lever = joint
+                .command
+                .iter()
+                .map(|angle| angle.cos() / length)
+                .collect();
+            let height = |angle: &f64| length * (angle.sin() + 0.35_f64.sin());
+            joint.height = joint.command.iter().map(height).collect();
+            joint
+        };
+        let (one, other) = (swings(0.7), swings(0.4));
+        let causes = [Cause::Droop, Cause::Contact];
+        let found = fit(&[&one], &causes, None, &|_, _| true).unwrap().values;
+        let height = found[HEIGHT] - length * 0.35_f64.sin();
+        assert!((height - table).abs() < 2e-3, "{height} m");
+        let (left, gap) = (rms(&other.left(&found)), rms(&centred(other.difference())));
+        assert!(left < 0.05 * gap, "{left} of {gap}");
     }
 }

@@ -1,7 +1,7 @@
 //! `drive.droop`: a position that hangs behind its command under the weight that the joint carries.
 //!
 //! A proportional controller without integral part yields by the effort over its stiffness; the effort is that of weight, linear
-//! in the masses and first moments of the links.
+//! in the masses and first moments of the links, and of what the tip presses on below a height.
 
 use super::acts_on;
 use crate::effect::{Definition, Effect};
