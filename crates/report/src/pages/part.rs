@@ -13,7 +13,7 @@ mod wording;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::kit::{Page, PlotError, Table};
-use ::diagnosis::Report;
+use ::diagnosis::{Report, report::measurements::Measurements};
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, GapReport, InspectionPlan,
     LossReport, OperationRequest, OperatorReply, OperatorRequest, PartAlignment, PartReport,
@@ -364,8 +364,8 @@ pub(super) fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
             conclusion::groups(page, report);
             next(page, report);
             let all = report.measurements.as_ref();
-            page.list(&all.map(|all| all.lines()).unwrap_or_default());
-            let of = all.map_or_else(|| "the last measurement".to_owned(), |all| all.heading());
+            page.list(&all.map(Measurements::lines).unwrap_or_default());
+            let of = all.map_or_else(|| "the last measurement".to_owned(), Measurements::heading);
             page.paragraph(&format!("Of {of}. The full page is made by: {command}"));
         }
         ShortDiagnosis::None(reason) => {
