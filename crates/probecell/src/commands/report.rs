@@ -116,12 +116,11 @@ fn of_index(index: usize) -> String {
 pub(super) fn html(bag: &Path, part: Option<usize>) -> anyhow::Result<String> {
     let (session, _) = record::read(bag)?;
     let parts = shift_parts(&session);
-    let page = match part.and_then(|index| parts.get(index)) {
-        Some(part) => record::of_part(&session, part)?,
-        None => {
-            let link = |index| Some(format!("?part={index}"));
-            record::page(bag, &session, &link, &mut output::remark)?
-        }
+    let page = if let Some(part) = part.and_then(|index| parts.get(index)) {
+        record::of_part(&session, part)?
+    } else {
+        let link = |index| Some(format!("?part={index}"));
+        record::page(bag, &session, &link, &mut output::remark)?
     };
     Ok(page.html())
 }
