@@ -76,8 +76,9 @@ pub(crate) fn better_of(
     // What the first explains down to the noise, the second must predict as well.
     let complete = left < COMPLETE * first.0.gap.noise_floor && own > AS_GOOD * left;
     let unsupported = !judged.supports(&first.0.effects) && !complete && quiet(AS_QUIET);
-    // Of two that name the same, the better one speaks.
+    // Of two that name the same, the better one speaks; what it takes for noise is none to the first.
     let better = judged.names(&first.0.effects)
+        && quiet(AS_QUIET)
         && own < AS_GOOD * left
         && AS_GOOD * size(&judged.left_out(judged.named.len())).rms < by_pose;
     // A form of guideways is a process over the place to the first, whatever its size.
