@@ -988,7 +988,7 @@ CELLS = {
     "signal_of_no_symbol": (signal_of("ads://127.0.0.1/127.0.0.1.1.1:851", "MAIN clamped", "bool"), '"chuck".*is no name of a symbol'),
     "signal_of_no_period": (signal_of("s7://127.0.0.1/0/1", "M4.1", "bool", "period_s = 0.0"), "period_s = 0 must lie between"),
     "description_that_is_not_there": (replaced('"turn_mill.urdf"', '"other.urdf"'), "other.urdf"),
-    "description_that_is_a_folder": (replaced('"turn_mill.urdf"', '"."'), "irectory"),
+    "description_that_is_a_folder": (replaced('"turn_mill.urdf"', '"."'), "not a regular file"),
 }
 for word, (change, about) in CELLS.items():
     for command in OF_CELL:
@@ -1009,7 +1009,7 @@ URDFS = {
     "planar_joint": (replaced('type="prismatic"', 'type="planar"'), "planar"),
     "axis_of_no_length": (replaced('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'), "axis"),
     "nested_without_end": (replaced('<link name="workpiece">', "<link>" * 100_000 + '<link name="workpiece">'), "more than 100"),
-    "links_without_end": (replaced('<link name="workpiece">', "".join(f'<link name="l{i}"/><joint name="j{i}" type="fixed"><parent link="{f"l{i - 1}" if i else "foundation"}"/><child link="l{i}"/></joint>' for i in range(200_000)) + '<link name="workpiece">'), "more than 16777216|more than 2000"),
+    "links_without_end": (replaced('<link name="workpiece">', "".join(f'<link name="l{i}"/><joint name="j{i}" type="fixed"><parent link="{f"l{i - 1}" if i else "foundation"}"/><child link="l{i}"/></joint>' for i in range(200_000)) + '<link name="workpiece">'), "larger than 16 MiB|more than 2000"),
     "not_a_number": (replaced('xyz="0 0 0.2"', 'xyz="0 0 nan"'), "origin"),
 }
 for word, (change, about) in URDFS.items():
