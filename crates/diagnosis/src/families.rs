@@ -21,7 +21,7 @@ use effects::session::Session;
 use inference::candidate::Candidate;
 use inference::cross_validation::HeldOut;
 use inference::posterior::ModelPosterior;
-use inference::relevance::over_rows;
+use inference::relevance::{Fit, Products, over_rows};
 use metrology::statistics::rms;
 
 use crate::report::residuals::{self, TouchResiduals};
@@ -63,7 +63,10 @@ pub(crate) fn better_of(
         return first;
     };
     let quiet = |times: f64| judged.fit.sizes.noise.sqrt() < times * first.0.gap.noise_floor;
-    let (left, by_pose) = left_of(&judged, attribution, set);
+    let opinion = without_remainders(&judged, attribution, set);
+    let left = (opinion.as_ref()).map_or(f64::INFINITY, |(bare, fit)| {
+        judged.stretches.left_out(bare, fit).sqrt()
+    });
     let own = judged.closure.last().copied().unwrap_or(0.0).sqrt();
     let gap = first.0.gap.rms;
     // Where something unknown alone acts, no known effect closes so much on touches that were not fitted, but for a function of the
@@ -80,7 +83,10 @@ pub(crate) fn better_of(
     let better = judged.names(&first.0.effects)
         && quiet(AS_QUIET)
         && own < AS_GOOD * left
-        && AS_GOOD * size(&judged.left_out(judged.named.len())).rms < by_pose;
+        && opinion.as_ref().is_none_or(|(bare, fit)| {
+            let by_pose = rms(&judged.stretches.by_pose(bare, fit));
+            AS_GOOD * size(&judged.left_out(judged.named.len())).rms < by_pose
+        });
     // A form of guideways is a process over the place to the first, whatever its size.
     let formed = judged.has_form() && own < MISSED * left;
     if judged.named.is_empty() || !(missed || unsupported || better || formed) {
@@ -99,8 +105,12 @@ pub(crate) fn better_of(
     (report, touches)
 }
 
-/// What the first opinion leaves on left-out stretches, and of single poses, m.
-fn left_of(judged: &Judged, attribution: &ModelPosterior, set: &[usize]) -> (f64, f64) {
+/// The fit of what the first opinion names, without remainders.
+fn without_remainders(
+    judged: &Judged,
+    attribution: &ModelPosterior,
+    set: &[usize],
+) -> Option<(Products, Fit)> {
     let mut bare = judged.bare.clone();
     let mut sizes = bare.start();
     for &member in set {
@@ -108,12 +118,8 @@ fn left_of(judged: &Judged, attribution: &ModelPosterior, set: &[usize]) -> (f64
         sizes = sizes.with(bare.families(), 1.0);
         bare.extend(&over_rows(&columns, &judged.active));
     }
-    let Some(fit) = bare.fit(sizes) else {
-        return (f64::INFINITY, f64::INFINITY);
-    };
-    let ways = judged.stretches.residuals(&bare, &fit);
-    let by_pose = ways.first().map_or(0.0, |own| rms(own));
-    (judged.stretches.left_out(&bare, &fit).sqrt(), by_pose)
+    let fit = bare.fit(sizes)?;
+    Some((bare, fit))
 }
 
 /// Columns of a candidate at parameters of usual size.

@@ -377,13 +377,19 @@ impl Kind {
         parts.collect()
     }
 
-    /// Which readings of each measurement are far from the others at their point, and the robust deviation of all, m. Where many of
-    /// one measurement are, its part differs and no chip was met.
-    fn chips(&self, taken: &[Taken]) -> (Vec<Vec<bool>>, f64) {
+    /// The deviations of some measurements at each row.
+    fn by_row(&self, taken: &[Taken]) -> Vec<Vec<f64>> {
         let mut by_row: Vec<Vec<f64>> = vec![Vec::new(); self.rows.rows.len()];
         for reading in taken.iter().flat_map(|taken| &taken.readings) {
             by_row[reading.row].push(reading.deviation);
         }
+        by_row
+    }
+
+    /// Which readings of each measurement are far from the others at their point, and the robust deviation of all, m. Where many of
+    /// one measurement are, its part differs and no chip was met.
+    fn chips(&self, taken: &[Taken]) -> (Vec<Vec<bool>>, f64) {
+        let by_row = self.by_row(taken);
         let middles: Vec<f64> = by_row.iter().map(|all| median(all)).collect();
         let off = |reading: &Reading| (reading.deviation - middles[reading.row]).abs();
         let told = |reading: &&Reading| by_row[reading.row].len() >= MIN_READINGS;

@@ -18,7 +18,7 @@ use tracing_subscriber::{Layer, layer::Context};
 const MAX_LINES: u32 = 10;
 const WINDOW: Duration = Duration::from_secs(60);
 /// Bytes of a line.
-pub const MAX_BYTES: usize = 4096;
+const MAX_BYTES: usize = 4096;
 
 /// Leaves out what one place writes more often.
 pub fn layer<S: Subscriber>() -> impl Layer<S> {
@@ -83,11 +83,11 @@ pub struct Terminal;
 impl Write for Terminal {
     fn write(&mut self, line: &[u8]) -> std::io::Result<usize> {
         let mut terminal = std::io::stderr().lock();
-        if line.len() <= MAX_BYTES {
-            terminal.write_all(line)?;
-        } else {
-            terminal.write_all(&line[..MAX_BYTES])?;
-            writeln!(terminal, "… ({} bytes more)", line.len() - MAX_BYTES)?;
+        let text = String::from_utf8_lossy(line);
+        let kept = shortened(&text);
+        terminal.write_all(kept.as_bytes())?;
+        if kept.len() < text.len() {
+            writeln!(terminal, "… ({} bytes more)", text.len() - kept.len())?;
         }
         Ok(line.len())
     }

@@ -35,7 +35,7 @@ impl Judged {
     /// Residuals with the first so many families, each pose predicted from the others; `None` for rows that are not used.
     pub(crate) fn left_out(&self, families: usize) -> Vec<Option<f64>> {
         let fit = self.prefix(families);
-        let left = fit.map(|fit| self.stretches.residuals(&self.bare, &fit).swap_remove(0));
+        let left = fit.map(|fit| self.stretches.by_pose(&self.bare, &fit));
         let mut left = left.unwrap_or_default().into_iter();
         let of = |&used: &bool| if used { left.next() } else { None };
         self.active.iter().map(of).collect()

@@ -15,7 +15,6 @@ const STRETCHES: usize = 8;
 const POINT: f64 = 1e-6;
 /// What keeps a nuisance that the other stretches do not show at nothing, over a column of length one.
 const FLAT: f64 = 1e-9;
-
 /// Coordinates of a point, which an instrument gives at once: touches at the same readings in directions of their own.
 const COORDINATES: usize = 3;
 
@@ -74,66 +73,83 @@ impl Stretches {
             let median = squares.get(squares.len() / 2).copied().unwrap_or(0.0);
             0.5 * (mean + median)
         };
-        let ways = self.residuals(products, fit);
-        ways.iter().map(of_way).fold(0.0, f64::max)
+        let solved = Solved::new(products, fit);
+        let ways = self.ways.iter().map(|way| solved.without_stretches(way));
+        std::iter::once(solved.without_poses(&self.poses))
+            .chain(ways)
+            .map(|residuals| of_way(&residuals))
+            .fold(0.0, f64::max)
     }
 
-    /// Residuals of every row in use at the sizes of a fit: predicted without its pose, then without its stretch of each way.
-    pub(super) fn residuals(&self, products: &Products, fit: &Fit) -> Vec<Vec<f64>> {
+    /// What a fit leaves of every row in use, each pose predicted from the others.
+    pub(super) fn by_pose(&self, products: &Products, fit: &Fit) -> Vec<f64> {
+        Solved::new(products, fit).without_poses(&self.poses)
+    }
+}
+
+/// The normal equations of a fit, at its sizes.
+struct Solved<'a> {
+    columns: DMatrix<f64>,
+    y: &'a DVector<f64>,
+    whole: DMatrix<f64>,
+    right: DVector<f64>,
+}
+
+impl<'a> Solved<'a> {
+    fn new(products: &'a Products, fit: &Fit) -> Self {
         let (columns, y) = (products.solved(fit), products.data());
-        let ways = 1 + self.ways.len();
-        if columns.ncols() == 0 {
-            return vec![y.as_slice().to_vec(); ways];
-        }
         let variances = products.variances(&fit.sizes);
         let prior = variances.iter().map(|variance| fit.sizes.noise / variance);
         let prior = DVector::from_iterator(variances.len(), prior.map(|own| own + FLAT));
-        let whole = columns.tr_mul(&columns) + DMatrix::from_diagonal(&prior);
-        let right = columns.tr_mul(y);
-        let of_way = |way: &Vec<usize>| {
-            let mut residuals = y.as_slice().to_vec();
-            for stretch in 0..STRETCHES {
-                let own: Vec<usize> = (0..way.len()).filter(|&row| way[row] == stretch).collect();
-                if own.is_empty() {
-                    continue;
-                }
-                let left_out = columns.select_rows(&own);
-                let seen = DVector::from_iterator(own.len(), own.iter().map(|&row| y[row]));
-                let normal = &whole - left_out.tr_mul(&left_out);
-                let Some(factor) = normal.cholesky() else {
-                    continue;
-                };
-                let mean = factor.solve(&(&right - left_out.tr_mul(&seen)));
-                for (row, predicted) in own.iter().zip((left_out * mean).iter()) {
-                    residuals[*row] = y[*row] - predicted;
-                }
-            }
-            residuals
-        };
-        let mut all = Vec::with_capacity(ways);
-        all.push(self.without_pose(&columns, y, &whole, &right));
-        all.extend(self.ways.iter().map(of_way));
-        all
+        Self {
+            whole: columns.tr_mul(&columns) + DMatrix::from_diagonal(&prior),
+            right: columns.tr_mul(y),
+            columns,
+            y,
+        }
     }
 
-    /// Residuals without their pose in closed form: (I − H)⁻¹r, H the rows and columns of its touches in the hat matrix (Allen 1974).
-    fn without_pose(
-        &self,
-        columns: &DMatrix<f64>,
-        y: &DVector<f64>,
-        whole: &DMatrix<f64>,
-        right: &DVector<f64>,
-    ) -> Vec<f64> {
-        let Some(factor) = whole.clone().cholesky() else {
+    /// Residuals of every row, predicted without its stretch of a way.
+    fn without_stretches(&self, way: &[usize]) -> Vec<f64> {
+        let (columns, y) = (&self.columns, self.y);
+        let mut residuals = y.as_slice().to_vec();
+        if columns.ncols() == 0 {
+            return residuals;
+        }
+        for stretch in 0..STRETCHES {
+            let own: Vec<usize> = (0..way.len()).filter(|&row| way[row] == stretch).collect();
+            if own.is_empty() {
+                continue;
+            }
+            let left_out = columns.select_rows(&own);
+            let seen = DVector::from_iterator(own.len(), own.iter().map(|&row| y[row]));
+            let normal = &self.whole - left_out.tr_mul(&left_out);
+            let Some(factor) = normal.cholesky() else {
+                continue;
+            };
+            let mean = factor.solve(&(&self.right - left_out.tr_mul(&seen)));
+            for (row, predicted) in own.iter().zip((left_out * mean).iter()) {
+                residuals[*row] = y[*row] - predicted;
+            }
+        }
+        residuals
+    }
+
+    /// Residuals of every row without its pose, in closed form: (I − H)⁻¹r, H the rows and columns of its touches in the hat
+    /// matrix (Allen 1974).
+    fn without_poses(&self, poses: &[Range<usize>]) -> Vec<f64> {
+        let (columns, y) = (&self.columns, self.y);
+        let factor = self.whole.clone().cholesky();
+        let Some(factor) = factor.filter(|_| columns.ncols() > 0) else {
             return y.as_slice().to_vec();
         };
-        let mut left = y - columns * factor.solve(right);
+        let mut left = y - columns * factor.solve(&self.right);
         let half = factor
             .l_dirty()
             .solve_lower_triangular(&columns.transpose());
         for (pose, half) in half
             .iter()
-            .flat_map(|half| self.poses.iter().map(move |of| (of, half)))
+            .flat_map(|half| poses.iter().map(move |of| (of, half)))
         {
             let own = half.columns_range(pose.clone());
             let free = DMatrix::identity(pose.len(), pose.len()) - own.tr_mul(&own);

@@ -9,7 +9,7 @@
 //! Steps are taken up one by one (forward selection), the place of each paid for by Bonferroni's bound. Metres along the normal,
 //! outwards.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use inference::least_squares::{NormalEquations, Solution};
 use metrology::statistics::{coverage_factor, median};
@@ -67,10 +67,7 @@ pub(super) fn trends(kinds: &[Kind]) -> Vec<ToolTrend> {
 impl Kind {
     /// Adds what each tool left in each measurement right after it had cut.
     fn add_passes<'a>(&'a self, number: usize, passes: &mut BTreeMap<u32, Vec<Pass<'a>>>) {
-        let mut by_row: Vec<Vec<f64>> = vec![Vec::new(); self.rows.rows.len()];
-        for reading in self.taken.iter().flat_map(|taken| &taken.readings) {
-            by_row[reading.row].push(reading.deviation);
-        }
+        let by_row = self.by_row(&self.taken);
         let middles: Vec<f64> = by_row.iter().map(|all| median(all)).collect();
         let is_pass = |plan_id: &str| matches!(PlanId::from(plan_id), PlanId::Measurement { .. });
         for taken in self.taken.iter().filter(|taken| is_pass(&taken.plan_id)) {
@@ -107,7 +104,7 @@ fn trend(tool: u32, passes: &[Pass]) -> Option<ToolTrend> {
         within(passes, column.collect())
     };
     let levels = passes.iter().map(|pass| pass.level);
-    let levels = levels.collect::<std::collections::BTreeSet<_>>().len();
+    let levels = levels.collect::<BTreeSet<_>>().len();
     let mut steps: Vec<usize> = Vec::new();
     let fitted = |steps: &[usize]| {
         let mut columns = vec![slope.clone()];

@@ -157,18 +157,18 @@ impl ToolTrend {
             } else if per_pass[0] > 0.0 {
                 "it wears (process.tool_wear)"
             } else {
-                "it grows, or the machine drifts"
+                "a built-up edge grows, or the machine drifts"
             };
             let more = amount(per_pass, 2);
             format!(
-                "tool {tool} leaves {more} at each of {} passes: {cause}",
+                "tool {tool} leaves {more} with each of {} passes: {cause}",
                 self.passes
             )
         });
         let steps = self.steps.iter().map(|step| {
             let (more, from) = (amount(step.change, 1), &step.plan_id);
             let at = utc(Time::from_nanos(step.since));
-            format!("tool {tool} leaves {more} from {from} on ({at}): its edge broke, or it moved or was changed")
+            format!("tool {tool} leaves {more} from {from} on ({at}): its edge broke, or it was moved or changed")
         });
         wear.into_iter().chain(steps).collect()
     }

@@ -40,15 +40,13 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let parts = shift_parts(&session);
     let page = match parts.as_slice() {
         [part] if arguments.selection.is_given() => record::of_part(&session, part)?,
-        [_, _, ..] => {
-            let folder = match &arguments.html {
-                Some(file) => Some(write_parts(&session, &parts, file)?),
-                None => None,
-            };
+        _ => {
+            let file = arguments.html.as_deref().filter(|_| parts.len() > 1);
+            let folder = file.map(|file| write_parts(&session, &parts, file));
+            let folder = folder.transpose()?;
             let link = |index| Some(format!("{}/{}", folder.as_ref()?, of_index(index)));
             record::page(&arguments.bag, &session, &link, &mut output::remark)?
         }
-        _ => record::page(&arguments.bag, &session, &|_| None, &mut output::remark)?,
     };
     match &arguments.html {
         Some(file) => write(file, &page)?,
