@@ -232,7 +232,7 @@ fn cell(root: &Path, tree: &Path) -> Result<()> {
     write(&to.join(file), &text.replace(before, after))
 }
 
-/// Man pages and completions, as the program writes them.
+/// Man pages and completions, as a program with the feature `manual` writes them.
 fn texts_of_program(program: &Path, tree: &Path) -> Result<()> {
     let program = std::path::absolute(program)?;
     let pages = tree.join("usr/share/man/man1");

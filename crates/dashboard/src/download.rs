@@ -3,10 +3,12 @@
 use std::io;
 use std::path::Path;
 
-use axum::body::{Body, Bytes};
 use futures::stream::try_unfold;
+use hyper::body::Bytes;
 use tokio::fs::File;
 use tokio::io::AsyncReadExt;
+
+use crate::server::{Body, streamed};
 
 /// Bytes read at once: all that a download holds in memory.
 const BLOCK: usize = 64 * 1024;
@@ -24,5 +26,5 @@ pub(crate) async fn body(path: &Path) -> io::Result<(u64, Body)> {
         block.truncate(read);
         Ok(Some((Bytes::from(block), (file, left - read as u64))))
     });
-    Ok((length, Body::from_stream(blocks)))
+    Ok((length, streamed(blocks)))
 }

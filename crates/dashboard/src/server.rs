@@ -3,27 +3,25 @@
 
 mod act;
 mod answer;
+mod http;
 mod own;
 mod recorded;
 mod viewer;
 
+use std::convert::Infallible;
 use std::future::Future;
 use std::io;
 use std::time::Duration;
 
-use axum::Router;
-use axum::extract::{Path, Query, Request, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::middleware::{Next, from_fn, from_fn_with_state};
-use axum::response::sse::Sse;
-use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
+use hyper::header::{self, HeaderMap, HeaderValue};
 use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Method, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
 
 use self::act::{key_page, offer, sign, token};
 use self::answer::{Look, csv, missing, page};
+use self::http::{Request, Response, TEXT, answer, of_kind, parts, query, told, with};
 use self::recorded::{
     compare, diagnosis, download, machine, machines, report, session, session_description,
     sessions, sessions_csv,
@@ -36,6 +34,7 @@ use crate::view::Choice;
 
 pub(crate) use self::answer::Shared;
 pub use self::answer::{MakePage, Pages};
+pub(crate) use self::http::{Body, streamed};
 
 /// Nothing from elsewhere, nothing inline.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
@@ -52,7 +51,6 @@ pub(crate) async fn serve(
     shared: Shared,
     end: impl Future<Output = ()> + Send + 'static,
 ) -> io::Result<()> {
-    let router = router(shared);
     let accept_all = async {
         loop {
             let Ok((stream, _)) = listener.accept().await else {
@@ -60,7 +58,11 @@ pub(crate) async fn serve(
                 tokio::time::sleep(NO_ROOM).await;
                 continue;
             };
-            let service = TowerToHyperService::new(router.clone());
+            let shared = shared.clone();
+            let service = service_fn(move |request| {
+                let shared = shared.clone();
+                async { Ok::<_, Infallible>(guarded(answered(shared, request).await)) }
+            });
             tokio::spawn(async move {
                 let served = http1::Builder::new()
                     .timer(TokioTimer::new())
@@ -81,72 +83,107 @@ pub(crate) async fn serve(
     Ok(())
 }
 
-fn router(shared: Shared) -> Router {
-    Router::new()
-        .route("/", get(hall))
-        .route("/hall.csv", get(hall_csv))
-        .route("/cell/{*name}", get(cell))
-        .route("/description/{*name}", get(description))
-        .route("/events/hall", get(hall_events))
-        .route("/events/cell/{*name}", get(cell_events))
-        .route("/sessions", get(sessions))
-        .route("/sessions.csv", get(sessions_csv))
-        .route("/session/{name}", get(session))
-        .route("/session/{name}/description", get(session_description))
-        .route("/session/{name}/report", get(report))
-        .route("/session/{name}/diagnosis", get(diagnosis))
-        .route("/session/{name}/mcap/{index}", get(download))
-        .route("/compare", get(compare))
-        .route("/machines", get(machines))
-        .route("/machine/{*name}", get(machine))
-        .route("/metrics", get(metrics_text))
-        .route("/viewer", get(viewer))
-        .route("/key", get(key_page))
-        .route("/act/token", get(token))
-        .route("/act/offer", post(offer))
-        .route("/act", post(sign))
-        .route("/assets/{*name}", get(asset))
-        .fallback(|| async { missing("There is no such page.") })
-        .layer(from_fn_with_state(shared.clone(), looked))
-        .layer(from_fn_with_state(shared.clone(), own::own_host))
-        .layer(from_fn(guarded))
-        .with_state(shared)
-}
-
-/// Whoever asks for anything looks at every cell.
-async fn looked(State(shared): State<Shared>, request: Request, next: Next) -> Response {
+/// The answer to a request for this host. Whoever asks for anything looks at every cell.
+async fn answered(shared: Shared, request: Request) -> Response {
+    if !own::is_for(request.headers(), &shared.hosts) {
+        let text = "this name is not one of this host: use its address, or start the dashboard with --host NAME\n";
+        return told(StatusCode::MISDIRECTED_REQUEST, text);
+    }
     shared.live.look().await;
-    next.run(request).await
+    let path = request.uri().path().to_owned();
+    let Some(parts) = parts(&path) else {
+        return told(StatusCode::BAD_REQUEST, "this address is not UTF-8\n");
+    };
+    let parts: Vec<&str> = parts.iter().map(AsRef::as_ref).collect();
+    let acts = matches!(parts[..], ["act"] | ["act", "offer"]);
+    let methods: &[Method] = if acts {
+        &[Method::POST]
+    } else {
+        &[Method::GET, Method::HEAD]
+    };
+    if !methods.contains(request.method()) {
+        let allowed = if acts { "POST" } else { "GET,HEAD" };
+        let refused = told(StatusCode::METHOD_NOT_ALLOWED, "");
+        return with(refused, header::ALLOW, HeaderValue::from_static(allowed));
+    }
+    let made = match parts[..] {
+        ["act"] => Ok(sign(shared, request).await),
+        ["act", "offer"] => Ok(offer(shared, request).await),
+        ["viewer"] => Ok(viewer(&shared, request)),
+        _ => shown(shared, &parts, &request).await,
+    };
+    made.unwrap_or_else(|why| told(StatusCode::BAD_REQUEST, why))
 }
 
-/// Headers of every answer.
-async fn guarded(request: Request, next: Next) -> Response {
-    let mut response = next.run(request).await;
-    let headers = response.headers_mut();
+/// The page or file of an address. The error is a sentence: its query cannot be read.
+async fn shown(shared: Shared, parts: &[&str], request: &Request) -> Result<Response, String> {
+    let rest = || parts[1..].join("/");
+    Ok(match *parts {
+        [""] => hall(&shared, &query(request)?),
+        ["hall.csv"] => hall_csv(&shared, &query(request)?),
+        ["cell", ..] => cell(&shared, &rest(), &query(request)?),
+        ["description", ..] => description(&shared, &rest()),
+        ["events", "hall"] => {
+            let choice: Choice = query(request)?;
+            let since = choice.since.clone();
+            events(
+                shared,
+                Shown::Hall(choice),
+                since.as_deref(),
+                request.headers(),
+            )
+        }
+        ["events", "cell", ref name @ ..] => {
+            let look: Look = query(request)?;
+            let shown = Shown::Cell(name.join("/"), look.view());
+            events(shared, shown, look.since.as_deref(), request.headers())
+        }
+        ["sessions"] => sessions(shared, query(request)?).await,
+        ["sessions.csv"] => sessions_csv(shared).await,
+        ["session", name] => session(shared, name.to_owned(), query(request)?).await,
+        ["session", name, "description"] => {
+            session_description(shared, name.to_owned(), query(request)?).await
+        }
+        ["session", name, "report"] => report(shared, name.to_owned(), query(request)?).await,
+        ["session", name, "diagnosis"] => diagnosis(shared, name.to_owned()).await,
+        ["session", name, "mcap", index] => match index.parse() {
+            Ok(index) => download(shared, name.to_owned(), index).await,
+            Err(_) => {
+                return Err(format!(
+                    "the number of a file is asked for, not {index:?}\n"
+                ));
+            }
+        },
+        ["compare"] => compare(shared, query(request)?).await,
+        ["machines"] => machines(shared).await,
+        ["machine", ..] => machine(shared, rest()).await,
+        ["metrics"] => metrics_text(&shared),
+        ["key"] => key_page(&shared),
+        ["act", "token"] => token(&shared),
+        ["assets", ..] => asset(&rest()),
+        _ => missing("There is no such page."),
+    })
+}
+
+/// An answer with the headers of every answer.
+fn guarded(mut answer: Response) -> Response {
+    let headers = answer.headers_mut();
+    let fixed = HeaderValue::from_static;
     headers
         .entry(header::CONTENT_SECURITY_POLICY)
-        .or_insert(HeaderValue::from_static(POLICY));
-    headers.insert(
-        header::X_CONTENT_TYPE_OPTIONS,
-        HeaderValue::from_static("nosniff"),
-    );
-    headers.insert(
-        header::REFERRER_POLICY,
-        HeaderValue::from_static("no-referrer"),
-    );
-    headers.insert(
-        "cross-origin-resource-policy",
-        HeaderValue::from_static("same-origin"),
-    );
+        .or_insert(fixed(POLICY));
+    headers.insert(header::X_CONTENT_TYPE_OPTIONS, fixed("nosniff"));
+    headers.insert(header::REFERRER_POLICY, fixed("no-referrer"));
+    headers.insert("cross-origin-resource-policy", fixed("same-origin"));
     headers
         .entry(header::CACHE_CONTROL)
-        .or_insert(HeaderValue::from_static("no-store"));
-    response
+        .or_insert(fixed("no-store"));
+    answer
 }
 
 /// What pages load.
-async fn asset(Path(name): Path<String>) -> Response {
-    let (kind, content) = match name.as_str() {
+fn asset(name: &str) -> Response {
+    let (kind, content) = match name {
         "style.css" => (
             "text/css; charset=utf-8",
             include_str!("../assets/style.css"),
@@ -165,43 +202,34 @@ async fn asset(Path(name): Path<String>) -> Response {
         ),
         _ => return missing("There is no such page."),
     };
-    let headers = [
-        (header::CONTENT_TYPE, kind),
-        (header::CACHE_CONTROL, "no-cache"),
-    ];
-    (headers, content).into_response()
+    let asset = answer(kind, content);
+    with(
+        asset,
+        header::CACHE_CONTROL,
+        HeaderValue::from_static("no-cache"),
+    )
 }
 
-async fn hall(State(shared): State<Shared>, Query(choice): Query<Choice>) -> Response {
+fn hall(shared: &Shared, choice: &Choice) -> Response {
     let seen = seen_now(&shared.live, shared.epoch);
     let trouble = shared.live.trouble();
     let hall = shared.live.hall();
-    page(view::hall_page(
-        &hall,
-        host::now(),
-        &choice,
-        &seen,
-        &trouble,
-    ))
+    page(view::hall_page(&hall, host::now(), choice, &seen, &trouble))
 }
 
 /// The same as a table.
-async fn hall_csv(State(shared): State<Shared>, Query(choice): Query<Choice>) -> Response {
+fn hall_csv(shared: &Shared, choice: &Choice) -> Response {
     let hall = shared.live.hall();
-    csv("hall", view::hall_csv(&hall, host::now(), &choice))
+    csv("hall", view::hall_csv(&hall, host::now(), choice))
 }
 
-async fn cell(
-    State(shared): State<Shared>,
-    Path(name): Path<String>,
-    Query(look): Query<Look>,
-) -> Response {
+fn cell(shared: &Shared, name: &str, look: &Look) -> Response {
     let seen = seen_now(&shared.live, shared.epoch);
     let hall = shared.live.hall();
-    if hall.cell(&name).is_some() {
-        shared.live.want_axes(&name);
+    if hall.cell(name).is_some() {
+        shared.live.want_axes(name);
     }
-    match hall.cell(&name) {
+    match hall.cell(name) {
         Some(cell) => page(view::cell_page(
             cell,
             &hall,
@@ -216,50 +244,26 @@ async fn cell(
 }
 
 /// Description of the machine of a cell, for the picture in three dimensions.
-async fn description(State(shared): State<Shared>, Path(name): Path<String>) -> Response {
+fn description(shared: &Shared, name: &str) -> Response {
     let hall = shared.live.hall();
-    let text = hall.cell(&name).map(|cell| cell.description.to_string());
-    text.map_or_else(|| missing("No such machine."), IntoResponse::into_response)
-}
-
-async fn hall_events(
-    State(shared): State<Shared>,
-    Query(choice): Query<Choice>,
-    headers: HeaderMap,
-) -> Response {
-    let since = choice.since.clone();
-    events(shared, Shown::Hall(choice), since.as_deref(), &headers)
-}
-
-async fn cell_events(
-    State(shared): State<Shared>,
-    Path(name): Path<String>,
-    Query(look): Query<Look>,
-    headers: HeaderMap,
-) -> Response {
-    let shown = Shown::Cell(name, look.view());
-    events(shared, shown, look.since.as_deref(), &headers)
+    let text = hall.cell(name).map(|cell| cell.description.to_string());
+    text.map_or_else(|| missing("No such machine."), |text| answer(TEXT, text))
 }
 
 fn events(shared: Shared, shown: Shown, since: Option<&str>, headers: &HeaderMap) -> Response {
-    let last = headers
-        .get("last-event-id")
-        .and_then(|value| value.to_str().ok());
-    let seen = last.or(since);
-    match shared.clients.take(CLIENTS) {
-        Some(seat) => {
-            Sse::new(stream(shared.live, shared.epoch, shown, seen, seat)).into_response()
-        }
-        None => (
+    let seen = http::header(headers, "last-event-id").or(since);
+    let Some(seat) = shared.clients.take(CLIENTS) else {
+        let full = told(
             StatusCode::SERVICE_UNAVAILABLE,
-            [(header::RETRY_AFTER, "10")],
             "too many pages follow the dashboard",
-        )
-            .into_response(),
-    }
+        );
+        return with(full, header::RETRY_AFTER, HeaderValue::from_static("10"));
+    };
+    let events = stream(shared.live, shared.epoch, shown, seen, seat);
+    of_kind("text/event-stream", streamed(events))
 }
 
-async fn metrics_text(State(shared): State<Shared>) -> Response {
+fn metrics_text(shared: &Shared) -> Response {
     let process = Process {
         clients: shared.clients.count(),
         received: shared
@@ -268,5 +272,5 @@ async fn metrics_text(State(shared): State<Shared>) -> Response {
             .load(std::sync::atomic::Ordering::Relaxed),
     };
     let text = metrics(&shared.live.hall(), host::now(), &process);
-    ([(header::CONTENT_TYPE, "text/plain; version=0.0.4")], text).into_response()
+    answer("text/plain; version=0.0.4", text)
 }

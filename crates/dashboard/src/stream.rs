@@ -6,15 +6,15 @@
 //! events it missed, of which kinds, and how many are not held any more.
 
 use std::collections::{BTreeMap, VecDeque, hash_map::DefaultHasher};
-use std::convert::Infallible;
 use std::hash::{Hash, Hasher};
+use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use axum::response::sse::Event;
 use futures::Stream;
 use futures::stream::unfold;
+use hyper::body::Bytes;
 use serde_json::json;
 
 use crate::live::Live;
@@ -80,7 +80,7 @@ struct Client {
     order: Vec<String>,
     /// Revision of each section as it was written last.
     written: BTreeMap<Section, u64>,
-    waiting: VecDeque<Event>,
+    waiting: VecDeque<Bytes>,
     changes: tokio::sync::watch::Receiver<u64>,
     begun: bool,
     _seat: Seat,
@@ -93,7 +93,7 @@ pub(crate) fn stream(
     shown: Shown,
     seen: Option<&str>,
     seat: Seat,
-) -> impl Stream<Item = Result<Event, Infallible>> + use<> {
+) -> impl Stream<Item = io::Result<Bytes>> + use<> {
     let changes = live.changes();
     let mut client = Client {
         live,
@@ -132,6 +132,11 @@ fn identifier(epoch: u64, number: u64) -> String {
     format!("{epoch:x}-{number}")
 }
 
+/// An event as HTML has it (server-sent events): JSON is one line.
+fn event(name: &str, id: &str, told: &serde_json::Value) -> Bytes {
+    Bytes::from(format!("event: {name}\nid: {id}\ndata: {told}\n\n"))
+}
+
 /// Identifier of the state that a page which is written now shows.
 pub(crate) fn seen_now(live: &Live, epoch: u64) -> String {
     identifier(epoch, live.hall().last_event())
@@ -165,7 +170,7 @@ impl Client {
     }
 
     /// What a page missed since the event `seen`.
-    fn missed(&self, seen: &str) -> Event {
+    fn missed(&self, seen: &str) -> Bytes {
         let hall = self.live.hall();
         let now = identifier(self.epoch, hall.last_event());
         let number = seen
@@ -173,7 +178,7 @@ impl Client {
             .filter(|(epoch, _)| *epoch == format!("{:x}", self.epoch))
             .and_then(|(_, number)| number.parse().ok());
         let Some(number) = number else {
-            return Event::default().event("restarted").id(now).data("{}");
+            return event("restarted", &now, &json!({}));
         };
         let cell = match &self.shown {
             Shown::Hall(_) => None,
@@ -192,10 +197,8 @@ impl Client {
             })
             .collect();
         let total: usize = kinds.values().sum();
-        Event::default()
-            .event("caught-up")
-            .id(now)
-            .data(json!({ "events": total, "kinds": words, "lost": lost }).to_string())
+        let told = json!({ "events": total, "kinds": words, "lost": lost });
+        event("caught-up", &now, &told)
     }
 
     /// Writes what has changed since the last round.
@@ -227,12 +230,7 @@ impl Client {
                 parts.push(("legend".to_owned(), legend(length).into_string()));
                 let order = order_of(&hall, now, choice);
                 if order != self.order {
-                    self.waiting.push_back(
-                        Event::default()
-                            .event("order")
-                            .id(id.clone())
-                            .data(json!(order).to_string()),
-                    );
+                    self.waiting.push_back(event("order", &id, &json!(order)));
                     self.sent.retain(|part, _| {
                         ["sums", "legend"].contains(&part.as_str()) || order.contains(part)
                     });
@@ -270,8 +268,7 @@ impl Client {
                     self.tiles.clear();
                     self.sent.clear();
                     self.written.clear();
-                    self.waiting
-                        .push_back(Event::default().event("gone").id(id.clone()).data("{}"));
+                    self.waiting.push_back(event("gone", &id, &json!({})));
                 }
             },
         }
@@ -286,18 +283,13 @@ impl Client {
             html.hash(&mut hasher);
             let hash = hasher.finish();
             if self.sent.insert(part.clone(), hash) != Some(hash) {
-                self.waiting.push_back(
-                    Event::default()
-                        .event("part")
-                        .id(id.clone())
-                        .data(json!({ "id": part, "html": html }).to_string()),
-                );
+                let told = json!({ "id": part, "html": html });
+                self.waiting.push_back(event("part", &id, &told));
             }
         }
         if self.waiting.is_empty() {
             // Shows the page that the connection lives.
-            self.waiting
-                .push_back(Event::default().event("beat").id(id).data("{}"));
+            self.waiting.push_back(event("beat", &id, &json!({})));
         }
     }
 }

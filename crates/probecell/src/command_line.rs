@@ -292,11 +292,13 @@ pub(crate) enum Command {
         name: Option<String>,
     },
     /// Print shell completions.
+    #[cfg(feature = "manual")]
     Completions {
         /// Shell.
         shell: clap_complete::Shell,
     },
     /// Write man pages.
+    #[cfg(feature = "manual")]
     Man {
         /// Output folder; created if it does not exist.
         folder: PathBuf,

@@ -123,7 +123,9 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         "schema",
         &["schema", "schema gap-report > gap-report.schema.json"],
     ),
+    #[cfg(feature = "manual")]
     ("completions", &["completions bash"]),
+    #[cfg(feature = "manual")]
     ("man", &["man target/man"]),
 ];
 

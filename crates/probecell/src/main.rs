@@ -55,7 +55,7 @@ use command_line::{Arguments, Command, IN_MEMORY};
 use terminal::{BAD_INPUT, FAILED, GOOD, LOSS};
 
 /// Default cell file.
-const DEFAULT_CELL: &str = cell_stream::DEFAULT_CELL;
+const DEFAULT_CELL: &str = terminal::cell_stream::DEFAULT_CELL;
 
 fn main() -> ExitCode {
     // A router calls it an error that a session which is ending takes back a liveliness token that went before.
@@ -242,9 +242,11 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
         Command::Layouts { cell, out } => commands::layouts::run(&cell, &out),
         Command::Schema { name } => Ok(commands::schema::run(name.as_deref())),
+        #[cfg(feature = "manual")]
         Command::Man { folder } => {
             commands::man::run(examples::with_examples(Arguments::command()), &folder)
         }
+        #[cfg(feature = "manual")]
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "probecell", &mut script);

@@ -12,6 +12,7 @@
 
 #![expect(clippy::print_stderr, reason = "this crate is the terminal")]
 
+pub mod cell_stream;
 mod end;
 mod progress;
 

@@ -14,12 +14,12 @@ use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, atomic::Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use cell_stream::{DEFAULT_CELL, Line, Message, Source, Stream};
 use clap::Parser;
 use confinement::{Rights, Sockets, confine};
 use connector::mtconnect::agent::Agent;
 use probecell_msgs::CdrError;
 use probecell_msgs::builtin_interfaces::Time;
+use terminal::cell_stream::{DEFAULT_CELL, Line, Message, Source, Stream};
 use tokio::sync::watch;
 
 /// The port that agents use.

@@ -29,11 +29,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use cell_stream::{Cell, DEFAULT_CELL, Line, Message, Source, Stream};
 use clap::Parser;
 use confinement::{Rights, Sockets, confine};
 use opcua::server::{Server, ServerBuilder, ServerHandle};
 use probecell_msgs::CdrError;
+use terminal::cell_stream::{Cell, DEFAULT_CELL, Line, Message, Source, Stream};
 use tracing_subscriber::EnvFilter;
 
 use manager::CellManager;

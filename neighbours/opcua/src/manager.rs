@@ -4,7 +4,6 @@ use std::cmp::Ordering;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use cell_stream::Cell;
 use opcua::server::address_space::AddressSpace;
 use opcua::server::diagnostics::NamespaceMetadata;
 use opcua::server::node_manager::memory::{
@@ -17,6 +16,7 @@ use opcua::sync::RwLock;
 use opcua::types::{
     ContentFilter, ExtensionObject, NodeId, StatusCode, UAString, Variant, VariantScalarTypeId,
 };
+use terminal::cell_stream::Cell;
 
 use crate::model::{self, Builder, DI, MACHINERY, Namespaces, OWN, RESULT};
 use crate::objects;

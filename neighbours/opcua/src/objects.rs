@@ -7,12 +7,12 @@
 //!              /Gap                                      of the last diagnosis
 //! ```
 
-use cell_stream::Cell;
 use opcua::nodes::EventNotifier;
 use opcua::types::{
     DataTypeId, DataValue, LocalizedText, NodeId, ObjectTypeId, QualifiedName, StatusCode,
     VariableTypeId, Variant,
 };
+use terminal::cell_stream::Cell;
 
 use crate::manager::Method;
 use crate::model::{

@@ -14,11 +14,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, atomic::AtomicBool, atomic:
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
-use cell_stream::{DEFAULT_CELL, Line, Source, Stream};
 use clap::Parser;
 use confinement::{Rights, Sockets, confine};
 use probecell_msgs::CdrError;
 use rumqttc::{AsyncClient, ClientError, Event, LastWill, MqttOptions, Packet, QoS};
+use terminal::cell_stream::{DEFAULT_CELL, Line, Source, Stream};
 use tokio::sync::mpsc::unbounded_channel;
 
 use edge::{Edge, Message};
@@ -159,7 +159,7 @@ fn broker(text: &str) -> anyhow::Result<(String, u16)> {
     parts.with_context(|| format!("--broker {text}: expected HOST:PORT, such as 127.0.0.1:1883"))
 }
 
-fn take(edge: &mut Edge, message: &cell_stream::Message) -> Result<(), CdrError> {
+fn take(edge: &mut Edge, message: &terminal::cell_stream::Message) -> Result<(), CdrError> {
     match message.topic.as_str() {
         "machine_state" => edge.machine(&message.decode()?),
         "part_status" => edge.part(&message.decode()?),

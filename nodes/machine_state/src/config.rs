@@ -1,6 +1,6 @@
 //! Settings, as written and as checked.
 
-use quantity::{Angle, Length};
+use crate::quantity::{Angle, Length};
 use serde::Deserialize;
 use signatures::Trust;
 

@@ -1,10 +1,10 @@
 //! Decides whether a correction may reach the machine.
 
+use crate::quantity::Length;
 use graph::Stamp;
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement as Ack, CorrectionKind, MachineState, offset,
 };
-use quantity::Length;
 
 use crate::{
     config::Config,

@@ -59,6 +59,7 @@ mod gate;
 mod operation;
 mod part;
 mod ports;
+pub mod quantity;
 mod refusal;
 mod report;
 mod signals;

@@ -3,8 +3,8 @@
 //! m for entries that begin with EX, EY, EZ, rad for EA, EB, EC (ISO 230-1). A table is written as a whole or not at all:
 //! its entries were estimated together, and half of them would describe another machine.
 
+use crate::quantity::{Angle, Length};
 use probecell_msgs::{Correction, CorrectionAcknowledgement as Ack, offset};
-use quantity::{Angle, Length};
 
 use crate::{
     config::Config,

@@ -1,15 +1,13 @@
 //! What a page asks for and sends when an operator acts: [`crate::acts`] over HTTP.
 
-use axum::Json;
-use axum::body::Bytes;
-use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::{IntoResponse, Response};
+use http_body_util::{BodyExt as _, LengthLimitError, Limited};
+use hyper::StatusCode;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::json;
 
 use super::answer::{Shared, page};
+use super::http::{JSON, Request, Response, answer, status_of, told};
 use super::own::check;
 use crate::acts::{Answer, Signed, Wish};
 use crate::view;
@@ -17,35 +15,27 @@ use crate::view;
 /// Bytes of a request.
 const LONGEST: usize = 16_384;
 
-pub(super) async fn key_page(State(shared): State<Shared>) -> Response {
+pub(super) fn key_page(shared: &Shared) -> Response {
     let cells: Vec<String> = shared.acts.cells().into_iter().collect();
     page(view::key_page(&cells))
 }
 
 /// The token of our pages: a page from elsewhere can ask for it, but not read the answer.
-pub(super) async fn token(State(shared): State<Shared>) -> Response {
-    Json(json!({ "token": shared.acts.page_token })).into_response()
+pub(super) fn token(shared: &Shared) -> Response {
+    json(&json!({ "token": shared.acts.page_token }))
 }
 
 /// What exactly is to be signed.
-pub(super) async fn offer(
-    State(shared): State<Shared>,
-    headers: HeaderMap,
-    body: Bytes,
-) -> Response {
-    answered(shared, &headers, &body, |shared, wish: &Wish| {
+pub(super) async fn offer(shared: Shared, request: Request) -> Response {
+    answered(shared, request, |shared, wish: &Wish| {
         shared.acts.offer(shared.live.hall(), wish)
     })
     .await
 }
 
 /// A signed act.
-pub(super) async fn sign(
-    State(shared): State<Shared>,
-    headers: HeaderMap,
-    body: Bytes,
-) -> Response {
-    answered(shared, &headers, &body, |shared, signed: &Signed| {
+pub(super) async fn sign(shared: Shared, request: Request) -> Response {
+    answered(shared, request, |shared, signed: &Signed| {
         let answer = shared.acts.carry_out(signed);
         match &answer {
             Ok(answer) => {
@@ -60,17 +50,20 @@ pub(super) async fn sign(
 
 async fn answered<Q: DeserializeOwned + Send + 'static, A: Serialize + Send + 'static>(
     shared: Shared,
-    headers: &HeaderMap,
-    body: &Bytes,
+    request: Request,
     work: fn(&Shared, &Q) -> Result<A, String>,
 ) -> Response {
-    if let Err((status, why)) = check(headers, &shared.acts.page_token) {
+    if let Err((status, why)) = check(request.headers(), &shared.acts.page_token) {
         return refused(status, why);
     }
-    if body.len() > LONGEST {
-        return refused(StatusCode::PAYLOAD_TOO_LARGE, "an act is shorter than this");
-    }
-    let asked: Q = match serde_json::from_slice(body) {
+    let body = match Limited::new(request.into_body(), LONGEST).collect().await {
+        Ok(body) => body.to_bytes(),
+        Err(error) if error.is::<LengthLimitError>() => {
+            return refused(StatusCode::PAYLOAD_TOO_LARGE, "an act is shorter than this");
+        }
+        Err(error) => return refused(StatusCode::BAD_REQUEST, &format!("no whole act: {error}")),
+    };
+    let asked: Q = match serde_json::from_slice(&body) {
         Ok(asked) => asked,
         Err(error) => {
             let why = format!("this is no act: {error}");
@@ -80,7 +73,7 @@ async fn answered<Q: DeserializeOwned + Send + 'static, A: Serialize + Send + 's
     // The services of a cell are called on a thread that may block.
     let done = tokio::task::spawn_blocking(move || work(&shared, &asked)).await;
     match done {
-        Ok(Ok(answer)) => Json(answer).into_response(),
+        Ok(Ok(answer)) => json(&answer),
         Ok(Err(why)) => refused(StatusCode::FORBIDDEN, &why),
         Err(error) => {
             tracing::error!(%error, "an act failed");
@@ -94,5 +87,12 @@ fn refused(status: StatusCode, why: &str) -> Response {
         accepted: false,
         text: why.to_owned(),
     };
-    (status, Json(answer)).into_response()
+    status_of(json(&answer), status)
+}
+
+fn json(content: &impl Serialize) -> Response {
+    match serde_json::to_vec(content) {
+        Ok(content) => answer(JSON, content),
+        Err(error) => told(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
+    }
 }

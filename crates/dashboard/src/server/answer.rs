@@ -3,12 +3,13 @@
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use axum::http::{StatusCode, header};
-use axum::response::{Html, IntoResponse, Response};
 use host::bus::BusConfig;
+use hyper::StatusCode;
+use hyper::header::{CONTENT_DISPOSITION, HeaderValue};
 use serde::Deserialize;
 use tokio::sync::Semaphore;
 
+use super::http::{HTML, Response, answer, status_of, with};
 use crate::acts::Acts;
 use crate::live::Live;
 use crate::recordings::Recordings;
@@ -56,28 +57,29 @@ pub(crate) type ReportPage = (PathBuf, String, u64, String);
 
 /// A page as an answer.
 pub(super) fn page(markup: maud::Markup) -> Response {
-    Html(markup.into_string()).into_response()
+    answer(HTML, markup.into_string())
 }
 
 /// A table that the browser saves.
 pub(super) fn csv(name: &str, text: String) -> Response {
-    let headers = [
-        (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),
-        (
-            header::CONTENT_DISPOSITION,
-            format!("attachment; filename=\"{name}.csv\""),
-        ),
-    ];
-    (headers, text).into_response()
+    saved(
+        answer("text/csv; charset=utf-8", text),
+        &format!("{name}.csv"),
+    )
+}
+
+/// An answer that the browser saves under a name.
+pub(super) fn saved(answer: Response, name: &str) -> Response {
+    let value = format!("attachment; filename=\"{}\"", name.replace('"', ""));
+    let value =
+        HeaderValue::from_str(&value).unwrap_or_else(|_| HeaderValue::from_static("attachment"));
+    with(answer, CONTENT_DISPOSITION, value)
 }
 
 /// There is none.
 pub(super) fn missing(text: &str) -> Response {
-    (
-        StatusCode::NOT_FOUND,
-        page(message_page("Not found", text, Place::Hall)),
-    )
-        .into_response()
+    let page = page(message_page("Not found", text, Place::Hall));
+    status_of(page, StatusCode::NOT_FOUND)
 }
 
 /// Where the part is looked at from, and the instant of a session.

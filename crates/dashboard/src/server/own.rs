@@ -5,38 +5,20 @@
 
 use std::net::IpAddr;
 
-use axum::extract::{Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
-use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
+use hyper::{HeaderMap, StatusCode};
 
-use super::answer::Shared;
+use super::http::header;
 
 /// Header of the token of a page.
 const TOKEN: &str = "x-act-token";
 
-/// Answers requests for this host only.
-pub(super) async fn own_host(
-    State(shared): State<Shared>,
-    request: Request,
-    next: Next,
-) -> Response {
-    if host(request.headers()).is_some_and(|host| is_own(host, &shared.hosts)) {
-        return next.run(request).await;
-    }
-    (
-        StatusCode::MISDIRECTED_REQUEST,
-        "this name is not one of this host: use its address, or start the dashboard with --host NAME\n",
-    )
-        .into_response()
-}
-
-fn text<'a>(headers: &'a HeaderMap, name: &str) -> Option<&'a str> {
-    headers.get(name)?.to_str().ok()
+/// Whether a request is for this host, which has these names.
+pub(super) fn is_for(headers: &HeaderMap, names: &[String]) -> bool {
+    host(headers).is_some_and(|host| is_own(host, names))
 }
 
 pub(super) fn host(headers: &HeaderMap) -> Option<&str> {
-    text(headers, header::HOST.as_str())
+    header(headers, "host")
 }
 
 /// An address, `localhost`, or one of the names of this host; a port may follow.
@@ -62,26 +44,26 @@ fn is_own(host: &str, names: &[String]) -> bool {
 /// Whether a request that acts is one of a page of ours: from the same origin, in JSON, which no form of another page can
 /// send, and with the token that only our pages can read. The error is a sentence.
 pub(super) fn check(headers: &HeaderMap, token: &str) -> Result<(), (StatusCode, &'static str)> {
-    let kind = text(headers, header::CONTENT_TYPE.as_str()).unwrap_or_default();
+    let kind = header(headers, "content-type").unwrap_or_default();
     if kind.split(';').next().map(str::trim) != Some("application/json") {
         return Err((
             StatusCode::UNSUPPORTED_MEDIA_TYPE,
             "an act comes as application/json",
         ));
     }
-    let origin = text(headers, header::ORIGIN.as_str()).and_then(|origin| origin.split_once("://"));
+    let origin = header(headers, "origin").and_then(|origin| origin.split_once("://"));
     let same = match (origin, host(headers)) {
         (Some((_, origin)), Some(host)) => origin.eq_ignore_ascii_case(host),
         _ => false,
     };
-    let site = text(headers, "sec-fetch-site");
+    let site = header(headers, "sec-fetch-site");
     if !same || site.is_some_and(|site| site != "same-origin") {
         return Err((
             StatusCode::FORBIDDEN,
             "an act comes from a page of this dashboard only",
         ));
     }
-    if text(headers, TOKEN) != Some(token) {
+    if header(headers, TOKEN) != Some(token) {
         return Err((
             StatusCode::FORBIDDEN,
             "an act carries the token of a page of this dashboard: load the page again",

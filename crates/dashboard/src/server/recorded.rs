@@ -3,13 +3,13 @@
 use std::path::Path as FilePath;
 use std::sync::{Arc, PoisonError};
 
-use axum::extract::{Path, Query, State};
-use axum::http::{StatusCode, header};
-use axum::response::{Html, IntoResponse, Response};
 use graph::Stamp;
+use hyper::StatusCode;
+use hyper::header::{CONTENT_LENGTH, CONTENT_SECURITY_POLICY, HeaderValue};
 use serde::Deserialize;
 
-use super::answer::{Look, Shared, csv, missing, page};
+use super::answer::{Look, Shared, csv, missing, page, saved};
+use super::http::{HTML, Response, TEXT, answer, of_kind, told, with};
 use crate::recordings::{Opened, RecordingError};
 use crate::state::{CellState, Hall};
 use crate::view::{self, Compared, Listing, Place, SessionView, message_page};
@@ -21,10 +21,7 @@ const KEPT_PAGES: usize = 8;
 const POLICY_REPORT: &str =
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; frame-ancestors 'none'";
 
-pub(super) async fn sessions(
-    State(shared): State<Shared>,
-    Query(listing): Query<Listing>,
-) -> Response {
+pub(super) async fn sessions(shared: Shared, listing: Listing) -> Response {
     let folders = shared.recordings.folder_count();
     blocking(move || {
         let all = shared.recordings.list();
@@ -33,7 +30,7 @@ pub(super) async fn sessions(
     .await
 }
 
-pub(super) async fn sessions_csv(State(shared): State<Shared>) -> Response {
+pub(super) async fn sessions_csv(shared: Shared) -> Response {
     blocking(move || csv("sessions", view::sessions_csv(&shared.recordings.list()))).await
 }
 
@@ -43,11 +40,8 @@ async fn blocking(work: impl FnOnce() -> Response + Send + 'static) -> Response 
         .await
         .unwrap_or_else(|error| {
             tracing::error!(%error, "a page could not be made");
-            (
-                StatusCode::INTERNAL_SERVER_ERROR,
-                "the page could not be made",
-            )
-                .into_response()
+            let text = "the page could not be made";
+            told(StatusCode::INTERNAL_SERVER_ERROR, text)
         })
 }
 
@@ -85,11 +79,7 @@ fn instant(opened: &Opened, seconds: Option<f64>) -> Stamp {
     if end.since_s(at) < 0.05 { end } else { at }
 }
 
-pub(super) async fn session(
-    State(shared): State<Shared>,
-    Path(name): Path<String>,
-    Query(look): Query<Look>,
-) -> Response {
+pub(super) async fn session(shared: Shared, name: String, look: Look) -> Response {
     of_recording(shared, name, move |opened| {
         let at = instant(opened, look.t);
         let hall = opened.at(at);
@@ -106,21 +96,17 @@ pub(super) async fn session(
 }
 
 /// Description of the machine of a recording.
-pub(super) async fn session_description(
-    State(shared): State<Shared>,
-    Path(name): Path<String>,
-    Query(look): Query<Look>,
-) -> Response {
+pub(super) async fn session_description(shared: Shared, name: String, look: Look) -> Response {
     of_recording(shared, name, move |opened| {
         let hall = opened.at(instant(opened, None));
         let cell = chosen(&hall, look.cell.as_deref());
-        cell.map_or_else(String::new, |cell| cell.description.to_string())
-            .into_response()
+        let text = cell.map_or_else(String::new, |cell| cell.description.to_string());
+        answer(TEXT, text)
     })
     .await
 }
 
-pub(super) async fn machines(State(shared): State<Shared>) -> Response {
+pub(super) async fn machines(shared: Shared) -> Response {
     blocking(move || {
         let (mut machines, unread) = shared.recordings.machines();
         for name in shared.trends.machines().iter().flat_map(|all| all.keys()) {
@@ -131,7 +117,7 @@ pub(super) async fn machines(State(shared): State<Shared>) -> Response {
     .await
 }
 
-pub(super) async fn machine(State(shared): State<Shared>, Path(name): Path<String>) -> Response {
+pub(super) async fn machine(shared: Shared, name: String) -> Response {
     blocking(move || {
         let (machines, unread) = shared.recordings.machines();
         let trends = shared.trends.machines();
@@ -158,7 +144,7 @@ pub(super) struct Two {
     b: String,
 }
 
-pub(super) async fn compare(State(shared): State<Shared>, Query(two): Query<Two>) -> Response {
+pub(super) async fn compare(shared: Shared, two: Two) -> Response {
     blocking(move || {
         let open = |name: &str| {
             shared.recordings.open(name).map(|one| {
@@ -193,17 +179,13 @@ pub(super) struct Part {
     part: Option<usize>,
 }
 
-pub(super) async fn report(
-    State(shared): State<Shared>,
-    Path(name): Path<String>,
-    Query(Part { part }): Query<Part>,
-) -> Response {
+pub(super) async fn report(shared: Shared, name: String, Part { part }: Part) -> Response {
     let make = shared.pages.report;
     let kind = part.map_or("report".to_owned(), |part| format!("report {part}"));
     made(shared, name, kind, move |path| make(path, part)).await
 }
 
-pub(super) async fn diagnosis(State(shared): State<Shared>, Path(name): Path<String>) -> Response {
+pub(super) async fn diagnosis(shared: Shared, name: String) -> Response {
     let make = shared.pages.diagnosis;
     made(shared, name, "diagnosis".to_owned(), make).await
 }
@@ -245,19 +227,13 @@ async fn made(
             pages.remove(0);
         }
         pages.push((path, kind, bytes, html.clone()));
-        (
-            [(header::CONTENT_SECURITY_POLICY, POLICY_REPORT)],
-            Html(html),
-        )
-            .into_response()
+        let policy = HeaderValue::from_static(POLICY_REPORT);
+        with(answer(HTML, html), CONTENT_SECURITY_POLICY, policy)
     })
     .await
 }
 
-pub(super) async fn download(
-    State(shared): State<Shared>,
-    Path((name, index)): Path<(String, usize)>,
-) -> Response {
+pub(super) async fn download(shared: Shared, name: String, index: usize) -> Response {
     let found = tokio::task::spawn_blocking(move || shared.recordings.file(&name, index)).await;
     let path = match found {
         Ok(Ok(path)) => path,
@@ -266,18 +242,9 @@ pub(super) async fn download(
     };
     match crate::download::body(&path).await {
         Ok((length, body)) => {
-            let name = path
-                .file_name()
-                .map_or_else(String::new, |one| one.to_string_lossy().replace('"', ""));
-            let headers = [
-                (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
-                (header::CONTENT_LENGTH, length.to_string()),
-                (
-                    header::CONTENT_DISPOSITION,
-                    format!("attachment; filename=\"{name}\""),
-                ),
-            ];
-            (headers, body).into_response()
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let answer = of_kind("application/octet-stream", body);
+            saved(with(answer, CONTENT_LENGTH, length.into()), &name)
         }
         Err(_) => missing("The recording cannot be read."),
     }

@@ -2,13 +2,15 @@
 
 use std::sync::Arc;
 
-use axum::body::Body;
-use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::response::{IntoResponse, Response};
-use fastwebsockets::upgrade::{is_upgrade_request, upgrade};
+use base64::{Engine as _, prelude::BASE64_STANDARD};
+use fastwebsockets::{Role, WebSocket};
+use hyper::header::HeaderValue;
+use hyper::{HeaderMap, StatusCode, header};
+use hyper_util::rt::TokioIo;
+use sha1::{Digest as _, Sha1};
 
 use super::answer::Shared;
+use super::http::{Request, Response, status_of, told, with};
 use super::own::host;
 use crate::viewer::{PROTOCOLS, VIEWERS, serve};
 
@@ -16,51 +18,76 @@ use crate::viewer::{PROTOCOLS, VIEWERS, serve};
 const FILE: &str = "file://";
 
 /// Opens the connection of a viewer.
-pub(super) async fn viewer(State(shared): State<Shared>, mut request: Request) -> Response {
+pub(super) fn viewer(shared: &Shared, request: Request) -> Response {
     let headers = request.headers();
-    if !is_upgrade_request(&request) {
+    let Some(accept) = accepted(headers) else {
         let text = "this address is for viewers: give Foxglove or Lichtblick the same one with ws:// for http://\n";
-        return (StatusCode::UPGRADE_REQUIRED, text).into_response();
-    }
+        return told(StatusCode::UPGRADE_REQUIRED, text);
+    };
     if let Err(origin) = known_origin(headers, &shared.viewers) {
         let text = format!(
             "a page of {origin} asks for the topics of the cells and gets none; --viewer {origin} lets it in"
         );
         tracing::warn!("{text}");
-        return (StatusCode::FORBIDDEN, text + "\n").into_response();
+        return told(StatusCode::FORBIDDEN, text + "\n");
     }
     let Some(protocol) = protocol(headers) else {
         let text = format!(
             "the protocols spoken here are {}\n",
             PROTOCOLS.join(" and ")
         );
-        return (StatusCode::BAD_REQUEST, text).into_response();
+        return told(StatusCode::BAD_REQUEST, text);
     };
     let Some(seat) = shared.watching.take(VIEWERS) else {
         let text = format!("there are {VIEWERS} viewers already\n");
-        return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
+        return told(StatusCode::SERVICE_UNAVAILABLE, text);
     };
-    let (response, upgraded) = match upgrade(&mut request) {
-        Ok(begun) => begun,
-        Err(error) => return (StatusCode::BAD_REQUEST, format!("{error}\n")).into_response(),
-    };
+    let (buses, epoch) = (Arc::clone(&shared.buses), shared.epoch);
     tokio::spawn(async move {
         let _seat = seat;
-        let ended = match upgraded.await {
-            Ok(socket) => serve(socket, Arc::clone(&shared.buses), shared.epoch).await,
-            Err(error) => Err(error),
+        let ended = match hyper::upgrade::on(request).await {
+            Ok(stream) => {
+                let socket = WebSocket::after_handshake(TokioIo::new(stream), Role::Server);
+                serve(socket, buses, epoch)
+                    .await
+                    .map_err(|error| error.to_string())
+            }
+            Err(error) => Err(error.to_string()),
         };
         if let Err(error) = ended {
             tracing::debug!(%error, "a viewer left");
         }
     });
-    let mut response = response.map(Body::new);
-    let headers = response.headers_mut();
-    headers.insert(
-        header::SEC_WEBSOCKET_PROTOCOL,
-        HeaderValue::from_static(protocol),
-    );
-    response
+    let fixed = HeaderValue::from_static;
+    let headers = [
+        (header::CONNECTION, fixed("upgrade")),
+        (header::UPGRADE, fixed("websocket")),
+        (header::SEC_WEBSOCKET_ACCEPT, accept),
+        (header::SEC_WEBSOCKET_PROTOCOL, fixed(protocol)),
+    ];
+    let answer = status_of(told(StatusCode::OK, ""), StatusCode::SWITCHING_PROTOCOLS);
+    let with_one = |answer, (name, value)| with(answer, name, value);
+    headers.into_iter().fold(answer, with_one)
+}
+
+/// The answer to the key of a request for a WebSocket (RFC 6455, 4.2.2); none where it is no such request.
+fn accepted(headers: &HeaderMap) -> Option<HeaderValue> {
+    let names = |name, word: &str| {
+        let all = headers.get_all(name);
+        let mut words = all
+            .iter()
+            .filter_map(|one| one.to_str().ok())
+            .flat_map(|one| one.split(','));
+        words.any(|one| one.trim().eq_ignore_ascii_case(word))
+    };
+    let is_one = names(header::CONNECTION, "upgrade")
+        && names(header::UPGRADE, "websocket")
+        && names(header::SEC_WEBSOCKET_VERSION, "13");
+    let key = headers.get(header::SEC_WEBSOCKET_KEY).filter(|_| is_one)?;
+    let mut hash = Sha1::new();
+    hash.update(key.as_bytes());
+    hash.update(b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11");
+    HeaderValue::from_str(&BASE64_STANDARD.encode(hash.finalize())).ok()
 }
 
 /// Browsers let every page open a WebSocket to this host: a page from elsewhere is let in only when it is named. Programs name

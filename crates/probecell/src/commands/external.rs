@@ -11,8 +11,8 @@ use std::process::Command;
 
 use anyhow::{Context, anyhow};
 use cell::Cell;
-use cell_stream::{PROGRAM_VARIABLE, ROS_ARGUMENTS_VARIABLE};
 use clap::ValueEnum;
+use terminal::cell_stream::{PROGRAM_VARIABLE, ROS_ARGUMENTS_VARIABLE};
 
 use crate::ros_arguments;
 

@@ -18,6 +18,7 @@ pub(crate) mod import;
 pub(crate) mod info;
 pub(crate) mod key;
 pub(crate) mod layouts;
+#[cfg(feature = "manual")]
 pub(crate) mod man;
 pub(crate) mod measure;
 pub(crate) mod new;

@@ -1,4 +1,4 @@
-//! `probecell stream`: what a running cell publishes, or what a recording holds, as lines of JSON ([`cell_stream`]) on standard output:
+//! `probecell stream`: what a running cell publishes, or what a recording holds, as lines of JSON ([`terminal::cell_stream`]) on standard output:
 //! for programs that hand it on and need neither the bus nor a key of the cell.
 
 use std::path::{Path, PathBuf};
@@ -8,11 +8,11 @@ use std::time::Duration;
 use anyhow::Context;
 use bags::Bag;
 use cell::Cell;
-use cell_stream::{Line, Message, Present};
 use controllers::driver::Role;
 use graph::Topic;
 use host::bus::{BusConfig, EntityKind, Observed, Observer, OnMissed, OnObserved, Watched};
 use host::bus_qos;
+use terminal::cell_stream::{Line, Message, Present};
 
 use super::dashboard;
 use crate::{DEFAULT_CELL, GOOD, confined, output, ros_arguments::read_cell, signals};
@@ -81,7 +81,7 @@ fn say(line: &Line) {
 
 /// The first line.
 fn say_cell(name: &str, cell: Option<&Cell>) {
-    say(&Line::Cell(cell_stream::Cell {
+    say(&Line::Cell(terminal::cell_stream::Cell {
         name: name.to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         is_simulated: cell.map(is_simulated),

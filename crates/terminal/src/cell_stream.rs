@@ -14,7 +14,7 @@
 //! | `{"complete":{}}` | all messages that a recording holds have been sent; of a running cell, right after the first line |
 //!
 //! ```
-//! use cell_stream::{Line, Message};
+//! use terminal::cell_stream::{Line, Message};
 //! use probecell_msgs::Verdict;
 //!
 //! let verdict = Verdict { feature_id: "D1".to_owned(), ..Verdict::default() };

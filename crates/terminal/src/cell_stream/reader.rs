@@ -7,10 +7,10 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
 
+use crate::{FAILED, GOOD, remark};
 use anyhow::{Context, anyhow};
-use terminal::{FAILED, GOOD, remark};
 
-use crate::{Cell, Line};
+use super::{Cell, Line};
 
 /// Environment variable in which `probecell` gives the path of its own program to those that it starts.
 pub const PROGRAM_VARIABLE: &str = "PROBECELL";

@@ -9,7 +9,7 @@
 //! it leaves. Two kinds of quantity cannot be compared or added. Kernels work on bare numbers in m and rad.
 //!
 //! ```
-//! use quantity::{Angle, Length};
+//! use machine_state::quantity::{Angle, Length};
 //!
 //! let limit = Length::from_mm(0.5);
 //! assert!(!Length::from_um(620.0).within(limit));
@@ -18,7 +18,7 @@
 //! ```
 //!
 //! ```compile_fail
-//! # use quantity::{Angle, Length};
+//! # use machine_state::quantity::{Angle, Length};
 //! let mixed = Length::from_mm(1.0) < Angle::from_urad(1.0);
 //! ```
 
