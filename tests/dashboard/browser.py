@@ -13,6 +13,7 @@ import pathlib
 import re
 import shutil
 import time
+import urllib.parse
 from datetime import datetime, timedelta
 
 from pages import ADDRESS, ENDS, SAMPLES, Browser, Line, cell_file, fetch, metric, micrometres, started, twin, wait
@@ -35,6 +36,13 @@ TILE = """(tile) => { const one = document.querySelector(tile); return {
     worst: one.querySelector('.verdict').title, error: one.querySelector('.verdict + b').textContent, bar: one.querySelector('.onto').getAttribute('aria-label'),
     sizes: one.querySelector('.of-sizes .spark').getAttribute('aria-label'), gap: one.querySelector('.of-gap b').textContent,
     strip: one.querySelector('.course-strip').getAttribute('aria-label') }; }"""
+
+
+def newest_touches(sample):
+    """Deviation (m) of the newest touch of each point of the plan measured last, by its twin."""
+    touches = [one for _, one in twin(sample, "touch_deviations")]
+    last = twin(sample, "inspection_plan")[-1][1]["plan_id"]
+    return {one["point_index"]: one["deviation"] for one in touches if one["plan_id"] == last}
 
 
 def drawn(told, published):
@@ -215,6 +223,15 @@ def recordings(browser, folder, recorded):
             found = json.loads(gap["json"])["effects"]
             assert all(effect["effect"] in page.inner_text("section[aria-labelledby=effects-title]") for effect in found), found
         print("machine: two recordings, with the gap and the effects that their twins have")
+        page.goto(f"http://{ADDRESS}/compare?a=punch.mcap&b=punch_uncalibrated.mcap")
+        table = urllib.parse.unquote(page.get_attribute("a[download='touches.csv']", "href").split(",", 1)[1])
+        drawn = [[float(value) for value in row.split(",")[2:]] for row in table.splitlines()[1:]]
+        ends = [newest_touches(sample) for sample in ("punch", "punch_uncalibrated")]
+        both = sorted([one * 1e6 for one in (ends[0][point], ends[1][point])] for point in ends[0].keys() & ends[1].keys())
+        assert len(both) > 20 and len(drawn) == len(both), (len(drawn), len(both))
+        assert all(abs(a - b) < 0.01 for got, told in zip(sorted(drawn), both) for a, b in zip(got, told)), (drawn[:3], both[:3])
+        assert page.locator("section[aria-labelledby=touches-title] circle").count() == 2 * len(both)
+        print(f"compare: {len(both)} touches of two sessions over one another, as their twins have them")
     for path in ("/session/..%2f..%2fetc%2fpasswd", "/session/linked.mcap", "/session/%2e%2e", "/session/secret.mcap/mcap/0", "/session/punch.mcap/mcap/7", "/assets/..%2f..%2fCargo.toml"):
         assert fetch(path)[0] == 404, path
     for method in ("POST", "PUT", "DELETE", "PATCH"):

@@ -13,7 +13,7 @@ mod reduce;
 pub(crate) mod wording;
 
 pub use cell::{Attention, CellState, Characteristic, RunChartPoint, Section, Touch};
-pub use course::{Course, Doing, INTERVALS, LAST_PARTS, LastPart};
+pub use course::{Course, Doing, INTERVALS, LAST_PARTS, LastPart, Trend};
 pub use events::{Event, EventKind};
 pub use hall::{Hall, kept_topics, read_topics};
 pub(crate) use hall::{is_read, machine_state, split};

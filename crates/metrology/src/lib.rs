@@ -17,6 +17,7 @@
 //! | How uncertain is a result? | [`uncertainty`], [`statistics`] | GUM (JCGM 100), JCGM 101, JCGM 102 |
 //! | Does a size conform? | [`conformance`] | ISO 14253-1:2013, JCGM 106:2012 |
 //! | Is the process capable? | [`capability`] | ISO 22514-2:2017 |
+//! | Is the process stable? | [`control`] | ISO 7870-2:2013, ISO 7870-6:2016 |
 //! | What follows for the tool that cut it? | [`decision`] | `docs/source_systems.md`, A.4 |
 //! | What follows for the path that cut it? | [`profile`], [`autocorrelation`] | `docs/source_systems.md`, B |
 //! | What is the part's form, what the guideway's? | [`separation`], [`slip`] | `docs/source_systems.md`, C |
@@ -67,6 +68,7 @@ pub mod fit;
 
 pub mod capability;
 pub mod conformance;
+pub mod control;
 pub mod decision;
 
 pub mod cut_model;

@@ -14,7 +14,7 @@ use probecell_msgs::{
     geometrical,
 };
 
-use super::course::{Course, Doing, LastPart};
+use super::course::{Course, Doing, LastPart, Trend};
 use super::ledger::{Entry, Ledger};
 use super::wording;
 
@@ -119,7 +119,7 @@ pub struct RunChartPoint {
 pub type Characteristic = (String, String, i64);
 
 /// What is known of one cell. Bounds: one plan, order, report and joint state; 64 corrections; 256 references; 48 faults and losses each; 200
-/// parts of 128 characteristics; the last 25 parts; a course of 96 intervals; results and touches of the plan only.
+/// parts of 128 characteristics; the last 25 parts; a course of 96 intervals, trends of 16 places; results and touches of the plan only.
 #[derive(Clone, Debug, Default)]
 pub struct CellState {
     /// Namespace without its first slash.
@@ -172,6 +172,8 @@ pub struct CellState {
     pub last_parts: VecDeque<LastPart>,
     /// What it did over the last hours.
     pub course: Course,
+    /// Temperatures (°C) by place, feed override (%) and spindle speed (1/min).
+    pub trends: BTreeMap<String, Trend>,
     /// What it says that it does.
     pub(super) doing: Option<Doing>,
     pub(super) ledger: Ledger,

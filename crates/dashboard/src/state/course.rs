@@ -41,42 +41,42 @@ impl Doing {
     }
 }
 
-/// How long a cell did what, by intervals of equal length, the newest [`INTERVALS`].
+/// What adds up over time, by intervals of equal length, the newest [`INTERVALS`].
 #[derive(Clone, Debug, Default)]
-pub struct Course {
+struct Intervals<const N: usize> {
     /// Begin of the first interval.
     begin: Stamp,
     /// s; 0 before the first word.
     length_s: f64,
-    /// s of each in [`Doing::ALL`]; what is missing the cell was silent.
-    spent: VecDeque<[f64; 4]>,
-    /// What it did last, and when it said so.
-    last: Option<(Doing, Stamp)>,
+    /// Integrals over each interval, by s; what is missing the cell was silent.
+    sums: VecDeque<[f64; N]>,
+    /// The rates that hold, and since when.
+    last: Option<([f64; N], Stamp)>,
 }
 
-impl Course {
-    /// Takes what the cell says that it does at an instant.
-    pub(super) fn says(&mut self, doing: Doing, at: Stamp) {
+impl<const N: usize> Intervals<N> {
+    /// From an instant on these rates hold; those before held until then, unless the cell was silent.
+    fn says(&mut self, rates: [f64; N], at: Stamp) {
         if self.length_s == 0.0 {
             (self.begin, self.length_s) = (at, SHORTEST_S);
         }
-        if let Some((before, from)) = self.last.replace((doing, at))
+        if let Some((before, from)) = self.last.replace((rates, at))
             && (0.0..=SILENCE_S).contains(&at.since_s(from))
         {
             self.add(before, from, at);
         }
     }
 
-    fn add(&mut self, doing: Doing, from: Stamp, to: Stamp) {
+    fn add(&mut self, rates: [f64; N], from: Stamp, to: Stamp) {
         let mut from = from;
         while to > from {
             let index = self.interval_of(from);
             let end = self.begin.after_s((index + 1) as f64 * self.length_s);
             // Below the resolution of a stamp nothing is left.
             let end = end.min(to).max(Stamp(from.0 + 1));
-            let place = Doing::ALL.iter().position(|one| *one == doing);
-            if let Some((spent, place)) = self.spent.get_mut(index).zip(place) {
-                spent[place] += end.since_s(from);
+            if let Some(sums) = self.sums.get_mut(index) {
+                let length = end.since_s(from);
+                *sums = std::array::from_fn(|one| sums[one] + rates[one] * length);
             }
             from = end;
         }
@@ -87,8 +87,8 @@ impl Course {
         loop {
             let index = (at.since_s(self.begin) / self.length_s).max(0.0) as usize;
             if index < INTERVALS {
-                while self.spent.len() <= index {
-                    self.spent.push_back([0.0; 4]);
+                while self.sums.len() <= index {
+                    self.sums.push_back([0.0; N]);
                 }
                 return index;
             }
@@ -96,7 +96,7 @@ impl Course {
                 self.join();
             } else {
                 let gone = index + 1 - INTERVALS;
-                self.spent.drain(..gone.min(self.spent.len()));
+                self.sums.drain(..gone.min(self.sums.len()));
                 self.begin = self.begin.after_s(gone as f64 * self.length_s);
             }
         }
@@ -105,20 +105,37 @@ impl Course {
     /// Joins intervals in pairs.
     fn join(&mut self) {
         let mut joined = VecDeque::with_capacity(INTERVALS);
-        let mut all = self.spent.iter();
+        let mut all = self.sums.iter();
         while let Some(first) = all.next() {
-            let second = all.next().unwrap_or(&[0.0; 4]);
+            let second = all.next().unwrap_or(&[0.0; N]);
             joined.push_back(std::array::from_fn(|one| first[one] + second[one]));
         }
-        self.spent = joined;
+        self.sums = joined;
         self.length_s *= 2.0;
+    }
+
+    /// Begin and length (s) of each interval, with its integrals.
+    fn all(&self) -> impl Iterator<Item = (Stamp, f64, &[f64; N])> {
+        let begin = |index: usize| self.begin.after_s(index as f64 * self.length_s);
+        let all = self.sums.iter().enumerate();
+        all.map(move |(index, sums)| (begin(index), self.length_s, sums))
+    }
+}
+
+/// How long a cell did what: s of each of [`Doing::ALL`] by intervals.
+#[derive(Clone, Debug, Default)]
+pub struct Course(Intervals<4>);
+
+impl Course {
+    /// Takes what the cell says that it does at an instant.
+    pub(super) fn says(&mut self, doing: Doing, at: Stamp) {
+        let rates = Doing::ALL.map(|one| f64::from(one == doing));
+        self.0.says(rates, at);
     }
 
     /// Begin and length (s) of each interval, with the s of each in [`Doing::ALL`].
     pub fn intervals(&self) -> impl Iterator<Item = (Stamp, f64, &[f64; 4])> {
-        let begin = |index: usize| self.begin.after_s(index as f64 * self.length_s);
-        let all = self.spent.iter().enumerate();
-        all.map(move |(index, spent)| (begin(index), self.length_s, spent))
+        self.0.all()
     }
 
     /// s of each in [`Doing::ALL`] since `from`, by whole intervals.
@@ -130,6 +147,27 @@ impl Course {
             }
         }
         sum
+    }
+}
+
+/// A value over time: its mean over each interval.
+#[derive(Clone, Debug, Default)]
+pub struct Trend {
+    /// The newest value, in its own unit.
+    pub value: f64,
+    by: Intervals<2>,
+}
+
+impl Trend {
+    /// The value holds at an instant.
+    pub(super) fn holds(&mut self, at: Stamp) {
+        self.by.says([self.value, 1.0], at);
+    }
+
+    /// Middle of each interval in which the value is known, and its mean there.
+    pub fn means(&self) -> impl Iterator<Item = (Stamp, f64)> {
+        let known = self.by.all().filter(|(_, _, [_, time])| *time > 0.0);
+        known.map(|(begin, length, [sum, time])| (begin.after_s(0.5 * length), sum / time))
     }
 }
 
@@ -176,7 +214,7 @@ mod tests {
             let spent = course.spent_since(all).map(|one| (one / 60.0).round());
             let hours = f64::from(hour + 1);
             assert_eq!(spent, [30.0 * hours, 20.0 * hours, 10.0 * hours, 0.0]);
-            assert!(course.spent.len() <= INTERVALS);
+            assert!(course.0.sums.len() <= INTERVALS);
         }
         let (_, length, spent) = course.intervals().next().expect("an interval");
         assert_eq!((length, spent[0].round()), (LONGEST_S, LONGEST_S));
@@ -189,7 +227,7 @@ mod tests {
         says(&mut course, Doing::Stopped, 9.0 * 3600.0, 60.0);
         let [running, .., stopped] = course.spent_since(Stamp(0));
         assert_eq!((running, stopped.round()), (0.0, 60.0));
-        assert!(course.spent.len() <= INTERVALS);
+        assert!(course.0.sums.len() <= INTERVALS);
         // After days away.
         says(&mut course, Doing::Waiting, 1e6, 10.0);
         assert_eq!(
@@ -202,5 +240,28 @@ mod tests {
             course.spent_since(Stamp(0)).map(f64::round),
             [0.0, 0.0, 10.0, 0.0]
         );
+    }
+
+    #[test]
+    fn the_mean_of_an_interval_counts_each_value_for_as_long_as_it_held() {
+        let mut trend = Trend {
+            value: 20.0,
+            ..Trend::default()
+        };
+        let second = |at: f64| Stamp(0).after_s(at);
+        for tenth in 0..30 {
+            trend.holds(second(0.1 * f64::from(tenth)));
+        }
+        trend.value = 23.0;
+        for tenth in 30..=40 {
+            trend.holds(second(0.1 * f64::from(tenth)));
+        }
+        // Until 3.0 s the value of before holds, then for 1 s the new one.
+        let means: Vec<_> = trend.means().collect();
+        assert_eq!(means.len(), 1);
+        assert!((means[0].1 - 20.75).abs() < 1e-6, "{means:?}");
+        // A silence says nothing.
+        trend.holds(second(100.0));
+        assert!((trend.means().map(|one| one.1).sum::<f64>() - 20.75).abs() < 1e-6);
     }
 }

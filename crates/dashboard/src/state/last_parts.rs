@@ -30,6 +30,9 @@ impl CellState {
         if let Some(doing) = self.doing {
             self.course.says(doing, at);
         }
+        for trend in self.trends.values_mut() {
+            trend.holds(at);
+        }
     }
 
     /// The distance of a characteristic of the plan measured last from the middle of its tolerance, over half of the tolerance.

@@ -1,6 +1,6 @@
 //! What each message changes in the state of its cell.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use graph::{Stamp, topics};
@@ -27,6 +27,11 @@ const TROUBLES: usize = 48;
 const ENDED: usize = 32;
 /// References kept.
 const REFERENCES: usize = 256;
+/// Places with a temperature whose trend is kept.
+const PLACES: usize = 16;
+/// Names of the trends of what is set on the machine; units as shown.
+const OVERRIDE: &str = "Feed override, %";
+const SPINDLE: &str = "Spindle, 1/min";
 /// Bytes of a CDR message before which only its encapsulation and the stamp of its header stand.
 const STAMPED: usize = 12;
 
@@ -122,6 +127,7 @@ impl CellState {
         let old = self.machine();
         bytes.clone_into(&mut self.machine_bytes);
         self.does();
+        self.follow(&new);
         self.changed(&[Section::State, Section::Axes]);
         let raised = new
             .alarms
@@ -143,6 +149,20 @@ impl CellState {
                 format!("machine: {}", wording::execution(new.execution)),
             )
         })
+    }
+
+    /// Takes the values of which a trend is shown.
+    fn follow(&mut self, new: &MachineState) {
+        let places = new.temperature_names.iter().map(String::as_str);
+        let temperatures = places.zip(new.temperatures.iter().copied()).take(PLACES);
+        let spindle = new.spindle_speed * 30.0 / std::f64::consts::PI;
+        let others = [(OVERRIDE, 100.0 * new.feed_override), (SPINDLE, spindle)];
+        let values: BTreeMap<&str, f64> = temperatures.chain(others).collect();
+        self.trends
+            .retain(|name, _| values.contains_key(name.as_str()));
+        for (name, value) in values.into_iter().filter(|(_, value)| value.is_finite()) {
+            self.trends.entry(name.to_owned()).or_default().value = value;
+        }
     }
 
     fn part_said(&mut self, status: PartStatus) -> Happened {

@@ -4,8 +4,10 @@ use graph::Stamp;
 use maud::{Markup, html};
 use probecell_msgs::{Correction, CorrectionAcknowledgement};
 
+use super::csv::number;
 use super::deeds::deed;
 use super::numbers::{moment, readable, signed_um, um};
+use super::save::save;
 use crate::state::{CellState, Entry, wording};
 
 /// Corrections that stand open on the page; those before can be unfolded.
@@ -21,8 +23,52 @@ pub(super) fn ledger(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
         @let open = entries.iter().filter(|one| one.is_waiting(now)).count().max(OPEN).min(entries.len());
         @let (new, old) = entries.split_at(open);
         @let list = |entries: &[&Entry]| html! { ol.ledger { @for entry in entries { (item(cell, entry, &deeds(cell, takes_acts, entry, now), now)) } } };
+        (course(cell))
         (list(new))
         @if !old.is_empty() { details { summary { (old.len()) " earlier" } (list(old)) } }
+    }
+}
+
+/// The picture, in units of its own: its width, half of its height, room for numbers.
+const WIDTH: f64 = 420.0;
+const HALF: f64 = 50.0;
+const LEFT: f64 = 44.0;
+
+/// The error before and after each correction that has been measured again, in the order of time.
+fn course(cell: &CellState) -> Markup {
+    let each = |entry: &Entry| Some((entry.correction.clone(), entry.achieved_error()?));
+    let made: Vec<_> = cell.corrections().filter_map(each).collect();
+    let errors = made
+        .iter()
+        .flat_map(|(one, after)| [one.measured_error.abs(), after.abs()]);
+    let most = errors.filter(|one| one.is_finite()).fold(1e-9, f64::max);
+    let y = |error: f64| HALF + 8.0 - error / most * HALF;
+    let x = |at: usize| LEFT + (WIDTH - LEFT) * (at as f64 + 0.5) / made.len() as f64;
+    let helped = made
+        .iter()
+        .filter(|(one, after)| after.abs() < one.measured_error.abs());
+    let saved = made.iter().map(|(one, after)| {
+        let um = |value: f64| number(Some(value), 1e-6);
+        let (before, after) = (um(one.measured_error), um(*after));
+        vec![one.correction_id.clone(), changed_by(one), before, after]
+    });
+    html! {
+        @if made.len() > 1 {
+            figure {
+                figcaption { b { "Error before and after" } " · " (helped.count()) " of " (made.len()) " corrections reduced it" }
+                svg.run viewBox={ "0 0 " (WIDTH) " " (2.0 * HALF + 16.0) } role="img" aria-label="Error before and after each correction" {
+                    line.nominal x1=(LEFT) x2=(WIDTH) y1=(y(0.0)) y2=(y(0.0)) {}
+                    @for error in [most, 0.0, -most] { text.axis x=(LEFT - 5.0) y=(y(error) + 4.0) text-anchor="end" { (signed_um(error)) } }
+                    @for (at, (one, after)) in made.iter().enumerate() {
+                        @let class = if after.abs() < one.measured_error.abs() { "good" } else { "bad" };
+                        line.spread x1=(x(at)) x2=(x(at)) y1=(y(one.measured_error)) y2=(y(*after)) {}
+                        circle.open cx=(x(at)) cy=(y(one.measured_error)) r="4" {}
+                        circle.value.(class) cx=(x(at)) cy=(y(*after)) r="4" { title { (changed_by(one)) ": " (signed_um(one.measured_error)) " → " (signed_um(*after)) " µm" } }
+                    }
+                }
+                (save("corrections", &["correction", "changes", "before/um", "after/um"], saved))
+            }
+        }
     }
 }
 

@@ -7,10 +7,12 @@ use probecell_msgs::{
     RecordingStatus,
 };
 
+use super::csv::number;
 use super::deeds::{deed, deed_asking};
 use super::doing::{attention_of, doing};
-use super::numbers::{counted, last_word, minus, moment, readable, span};
-use crate::state::{CellState, EventKind, Hall, wording};
+use super::numbers::{counted, date, last_word, minus, moment, readable, span};
+use super::save::save;
+use crate::state::{CellState, EventKind, Hall, Trend, wording};
 use probecell_msgs::sensor_msgs::JointState;
 
 /// Events shown.
@@ -211,17 +213,59 @@ pub(super) fn axes(cell: &CellState) -> Markup {
         } @else { p.none { "No position of an axis has been received. Axes are read while a page of the cell is open, from its first view on." } }
         @if let Some(machine) = &machine {
             table.axes {
-                thead { tr { th scope="col" { "Temperature" } th.number scope="col" { "°C" } } }
-                tbody { @for (name, value) in machine.temperature_names.iter().zip(&machine.temperatures) {
-                    tr { th scope="row" { (name) } td.number { (format!("{value:.2}").replace('-', "−")) } }
-                } }
+                thead { tr { th scope="col" { "Temperatures (°C), settings" } th.number scope="col" { "Now" } th scope="col" { "Trend" } } }
+                tbody {
+                    @for (name, of) in &cell.trends {
+                        tr { th scope="row" { (name) } td.number { (format!("{:.2}", of.value).replace('-', "−")) } td { (course(name, of)) } }
+                    }
+                }
             }
-            dl.times {
-                div { dt { "Feed override" } dd { (format!("{:.0} %", machine.feed_override * 100.0)) } }
-                div { dt { "Spindle" } dd { (format!("{:.0} 1/min", machine.spindle_speed * 30.0 / std::f64::consts::PI)) } }
-                div { dt { "Tool" } dd { (machine.tool_number) } }
-            }
+            @if !cell.trends.is_empty() { (save("trends", &["middle of interval/UTC", "of", "mean"], means(cell))) }
+            dl.times { div { dt { "Tool" } dd { (machine.tool_number) } } }
         }
+    }
+}
+
+/// Means of each trend, a row for each interval.
+fn means(cell: &CellState) -> impl Iterator<Item = Vec<String>> {
+    cell.trends.iter().flat_map(|(name, of)| {
+        of.means()
+            .map(|(at, mean)| vec![date(at), name.clone(), number(Some(mean), 1.0)])
+    })
+}
+
+/// The course of a value, between the least and the largest of it.
+fn course(name: &str, of: &Trend) -> Markup {
+    let means: Vec<_> = of.means().collect();
+    let (Some(first), Some(last)) = (means.first(), means.last()) else {
+        return html! {};
+    };
+    let ends = (means.iter()).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), one| {
+        (low.min(one.1), high.max(one.1))
+    });
+    let (span_s, room) = (last.0.since_s(first.0).max(1e-9), ends.1 - ends.0);
+    // What does not change runs through the middle.
+    let share = |value: f64| {
+        if room > 1e-6 {
+            (value - ends.0) / room
+        } else {
+            0.5
+        }
+    };
+    let points: Vec<String> = (means.iter())
+        .map(|(at, value)| {
+            let x = 2.0 + 116.0 * at.since_s(first.0) / span_s;
+            format!("{x:.1},{:.1}", 22.0 - 18.0 * share(*value))
+        })
+        .collect();
+    let said = format!(
+        "{name} from {:.1} to {:.1} over {}",
+        ends.0,
+        ends.1,
+        span(span_s)
+    );
+    html! {
+        svg.spark viewBox="0 0 120 26" role="img" aria-label=(said) { title { (said) } polyline.course points=(points.join(" ")) {} }
     }
 }
 

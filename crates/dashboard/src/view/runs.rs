@@ -1,8 +1,11 @@
 //! Run charts over parts, with capability.
 
+use std::collections::BTreeSet;
+
 use graph::Stamp;
 use maud::{Markup, html};
 use metrology::capability::{Capability, FEWEST, STATEMENT, capability};
+use metrology::control::{Control, control};
 
 use super::csv::number;
 use super::numbers::{counted, date, signed_um, span, um};
@@ -32,20 +35,22 @@ pub(super) fn runs(cell: &CellState, now: Stamp, length: f64) -> Markup {
         div.charts {
             @for (key, made) in shown {
                 @let limits = cell.limits(&key.1);
-                @let sound = made.iter().filter(|one| !one.contradicted);
-                @let values: Vec<f64> = sound.map(|one| one.deviation).collect();
+                @let sound: Vec<_> = made.iter().filter(|one| !one.contradicted).collect();
+                @let values: Vec<f64> = sound.iter().map(|one| one.deviation).collect();
                 @let index = limits.and_then(|(lower, upper)| capability(&values, lower, upper));
+                @let stable = control(&values);
                 figure {
                     figcaption { b { (key.1) } " · " (made.len()) " parts" }
-                    (chart(&key.1, &made.iter().collect::<Vec<_>>(), limits))
+                    (chart(&key.1, &made.iter().collect::<Vec<_>>(), limits, stable.as_ref()))
                     @if made.len() > values.len() { p.mark { (made.len() - values.len()) " of them are not counted: a reference contradicts the readings." } }
                     (index_of(index.as_ref(), values.len(), limits.is_some()))
+                    @if let Some(stable) = &stable { (stability(stable, &sound)) }
                     (save(&key.1, &["run", "deviation/um", "U/um", "lower/um", "upper/um", "contradicted"], made.iter().map(saved)))
                 }
             }
         }
         @if cell.runs.values().any(|made| made.len() >= FEWEST) {
-            p.note { "Cp, Cpk after ISO 22514-2:2017 with the standard deviation of the parts shown; 95 % intervals by the χ² distribution (Cp) and Bissell 1990 (Cpk). They hold for a stable process only. From fewer than " (STATEMENT) " parts they are estimates and state no capability." }
+            p.note { "Cp, Cpk after ISO 22514-2:2017 with the standard deviation of the parts shown; 95 % intervals by the χ² distribution (Cp) and Bissell 1990 (Cpk). They hold for a stable process only. Dashed lines: control limits, the mean ± 3 s by the moving range (ISO 7870-2); thin line: moving average of weight 0.2 (EWMA, ISO 7870-6); rings: beyond either. From fewer than " (STATEMENT) " parts they are estimates and state no capability." }
         }
     }
 }
@@ -140,12 +145,38 @@ fn index_of(index: Option<&Capability>, parts: usize, has_limits: bool) -> Marku
     }
 }
 
-fn chart(name: &str, made: &[&RunChartPoint], limits: Option<(f64, f64)>) -> Markup {
+/// Whether the process is stable, and if not, from which part on.
+fn stability(of: &Control, parts: &[&RunChartPoint]) -> Markup {
+    let run = |at: usize| parts.get(at).map_or("", |one| one.run.as_str());
+    let half = um(3.0 * of.deviation);
+    html! {
+        @if let Some(first) = of.shifted.first() {
+            p.index { b { "Not stable:" } " the mean has shifted, seen first at " (run(*first)) "; single parts scatter by ±" (half) " µm." }
+        } @else if let Some(first) = of.beyond.first() {
+            p.index { b { "Not stable:" } " " (counted(of.beyond.len(), "part")) " beyond ±" (half) " µm, first " (run(*first)) "." }
+        } @else {
+            p.index { "Stable: no part beyond ±" (half) " µm of the mean, no shift." }
+        }
+    }
+}
+
+fn chart(
+    name: &str,
+    made: &[&RunChartPoint],
+    limits: Option<(f64, f64)>,
+    stable: Option<&Control>,
+) -> Markup {
+    // Places on the chart of the parts that count.
+    let sound: Vec<usize> = (0..made.len())
+        .filter(|at| !made[*at].contradicted)
+        .collect();
+    let control = stable.map(Control::limits);
     let mut values: Vec<f64> = made
         .iter()
         .flat_map(|one| [one.deviation - one.expanded, one.deviation + one.expanded])
         .collect();
     values.extend(limits.iter().flat_map(|(lower, upper)| [*lower, *upper]));
+    values.extend(control.iter().flatten());
     values.push(0.0);
     let finite = values.iter().copied().filter(|one| one.is_finite());
     let (low, high) = finite.fold((0.0_f64, 0.0_f64), |(low, high), one| {
@@ -160,6 +191,12 @@ fn chart(name: &str, made: &[&RunChartPoint], limits: Option<(f64, f64)>) -> Mar
         .enumerate()
         .map(|(index, one)| format!("{:.1},{:.1}", x(index), y(one.deviation)))
         .collect();
+    let averages = stable.map_or(&[][..], |one| &one.averages);
+    let average: Vec<String> = (sound.iter().zip(averages))
+        .map(|(at, value)| format!("{:.1},{:.1}", x(*at), y(*value)))
+        .collect();
+    let signals = stable.map(|one| one.beyond.iter().chain(&one.shifted));
+    let signals: BTreeSet<usize> = signals.into_iter().flatten().map(|at| sound[*at]).collect();
     let last = made.last().map_or(0.0, |one| one.deviation);
     html! {
         svg.run viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label={ "Deviation of " (name) " over " (made.len()) " parts, last " (signed_um(last)) " µm" } {
@@ -172,7 +209,12 @@ fn chart(name: &str, made: &[&RunChartPoint], limits: Option<(f64, f64)>) -> Mar
             }
             line.nominal x1=(LEFT) x2=(WIDTH - RIGHT) y1=(y(0.0)) y2=(y(0.0)) {}
             text.axis x=(LEFT - 5.0) y=(y(0.0) + 4.0) text-anchor="end" { "0" }
+            @for limit in control.iter().flatten() {
+                line.control x1=(LEFT) x2=(WIDTH - RIGHT) y1=(y(*limit)) y2=(y(*limit)) {}
+            }
             polyline.course points=(line.join(" ")) {}
+            @if !average.is_empty() { polyline.average points=(average.join(" ")) {} }
+            @for at in signals { circle.signal cx=(x(at)) cy=(y(made[at].deviation)) r="6" {} }
             @for (index, one) in made.iter().enumerate() {
                 @let out = one.contradicted || limits.is_some_and(|(lower, upper)| one.deviation < lower || one.deviation > upper);
                 line.spread x1=(x(index)) x2=(x(index)) y1=(y(one.deviation - one.expanded)) y2=(y(one.deviation + one.expanded)) {}
