@@ -18,6 +18,7 @@ mod gravity;
 mod inertia;
 mod link_inertia;
 mod payload;
+mod saturation;
 pub mod signals;
 mod stribeck;
 mod viscous_friction;
@@ -46,6 +47,7 @@ pub const ALL: &[&dyn Effect] = &[
     &link_inertia::LinkInertia,
     &effort_gain::EffortGain,
     &droop::Droop,
+    &saturation::Saturation,
 ];
 
 /// What an effect of a drive acts on.

@@ -46,8 +46,8 @@ const BOTH_SIGNS: f64 = 0.2;
 #[derive(Clone)]
 struct Family {
     effect: &'static str,
-    /// The one session that it acts in; `None` for all.
-    session: Option<usize>,
+    /// Sessions that it acts in; `None` for all.
+    sessions: Option<Vec<usize>>,
     span: Range<usize>,
     /// Name, unit and usual size of each parameter.
     parameters: Vec<(String, String, f64)>,
@@ -180,7 +180,11 @@ impl<'a> Efforts<'a> {
                 let sign = track.sign[joint][sample];
                 let mut row = vec![0.0; self.width];
                 for family in &self.families {
-                    if family.session.is_some_and(|of| of != session) {
+                    if family
+                        .sessions
+                        .as_ref()
+                        .is_some_and(|of| !of.contains(&session))
+                    {
                         continue;
                     }
                     let own = &mut row[family.span.clone()];
@@ -315,7 +319,8 @@ impl<'a> Efforts<'a> {
             gains.sort_by(|a, b| b.0.total_cmp(&a.0));
             gains.truncate(TRIED);
             let tried = gains.iter().filter_map(|&(_, variance, family)| {
-                best_fit(products, &fit.sizes.with(family, variance))
+                let fit = best_fit(products, &fit.sizes.with(family, variance))?;
+                self.has_weight(&fit).then_some(fit)
             });
             let best = tried.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
             match best {
@@ -331,6 +336,17 @@ impl<'a> Efforts<'a> {
             fit = without;
         }
         Some(fit)
+    }
+
+    /// True where no load has less than no mass.
+    fn has_weight(&self, fit: &Fit) -> bool {
+        let mass = |family: usize| -> f64 {
+            let first = self.families[family].span.start;
+            let place = fit.columns.iter().position(|&column| column == first);
+            place.map_or(0.0, |place| fit.mean[place])
+        };
+        let mut loads = fit.sizes.families.iter();
+        loads.all(|&family| self.families[family].effect != "drive.payload" || mass(family) >= 0.0)
     }
 
     /// The same with a load in the place of the links, where the data do not refuse it: the links can do what a load does.
@@ -353,7 +369,7 @@ impl<'a> Efforts<'a> {
         let loads = (0..self.families.len()).filter(|&one| is(one, "drive.payload"));
         let with = loads.filter_map(|load| {
             let (_, variance) = products.gain(&rest, load);
-            best_fit(products, &rest.sizes.with(load, variance))
+            best_fit(products, &rest.sizes.with(load, variance)).filter(|fit| self.has_weight(fit))
         });
         let best = with.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
         (best.log_evidence > fit.log_evidence - NATS).then_some(best)
@@ -479,15 +495,25 @@ impl<'a> Efforts<'a> {
             effects.push(self.effect(&products, &current, family, (&former, &left)));
             former = left;
         }
-        let came_with = kept
-            .iter()
-            .filter_map(|&family| self.families[family].session);
-        let came_with = came_with.map(|session| &self.fitted[session].session);
+        let loads = kept.iter().map(|&family| &self.families[family]);
+        let loads = loads.filter(|family| family.effect == "drive.payload");
+        let remark = |load: &Family| match &load.sessions {
+            None => {
+                "a load and heavier links are told apart by a motion without the load".to_owned()
+            }
+            Some(sessions) => {
+                let names = sessions
+                    .iter()
+                    .map(|&one| self.fitted[one].session.as_str());
+                format!(
+                    "the load acts in {} only",
+                    names.collect::<Vec<_>>().join(" and ")
+                )
+            }
+        };
         Some(Named {
             effects,
-            remarks: came_with
-                .map(|session| format!("the load acts in {session} only"))
-                .collect(),
+            remarks: loads.map(remark).collect(),
             before: beginning,
             after: former,
         })
@@ -549,11 +575,14 @@ impl<'a> Efforts<'a> {
     /// Parameters of a family in a fit, with 95 % intervals.
     fn estimates(&self, fit: &Fit, family: usize) -> Vec<ParameterEstimate> {
         let own = &self.families[family];
-        let covariance = fit.covariance();
+        let is_load = own.effect == "drive.payload";
+        let covariance = match self.beside_usual_links(fit) {
+            Some(covariance) if is_load && own.sessions.is_none() => covariance,
+            _ => fit.covariance(),
+        };
         let places: Vec<usize> = (own.span.clone())
             .filter_map(|column| fit.columns.iter().position(|&one| one == column))
             .collect();
-        let is_load = own.effect == "drive.payload";
         // Reported values from coefficients: those of a load are its mass and the centre of it.
         let values = |theta: &DVector<f64>| -> Vec<f64> {
             let pairs = places.iter().zip(&own.parameters);
@@ -602,6 +631,32 @@ impl<'a> Efforts<'a> {
         estimates
             .filter(|one| one.ci95[0] * one.ci95[1] > 0.0)
             .collect()
+    }
+
+    /// Covariance of the coefficients where the links may have any size of theirs: a load that acts in all
+    /// motions has no other bound towards them.
+    fn beside_usual_links(&self, fit: &Fit) -> Option<DMatrix<f64>> {
+        let is_links = |family: usize| self.families[family].effect == "drive.link_inertia";
+        let (mut columns, mut precision) = (Vec::new(), Vec::new());
+        let links = (0..self.families.len()).filter(|one| is_links(*one));
+        let more = links
+            .filter(|one| !fit.sizes.families.contains(one))
+            .map(|one| (one, 0.0));
+        let own = fit
+            .sizes
+            .families
+            .iter()
+            .copied()
+            .zip(fit.sizes.variances.iter().copied());
+        for (family, variance) in own.chain(more) {
+            let usual = if is_links(family) { 1.0 } else { 0.0 };
+            let span = self.families[family].span.clone();
+            precision.extend(span.clone().map(|_| 1.0 / variance.max(usual)));
+            columns.extend(span);
+        }
+        let own = self.whole.0.select_rows(&columns).select_columns(&columns) / fit.sizes.noise;
+        let own = own + DMatrix::from_diagonal(&DVector::from_vec(precision));
+        Some(own.cholesky()?.inverse())
     }
 
     /// Session and stretch of each stretch of the fitted sessions, and the coefficients without it.
@@ -665,15 +720,15 @@ impl UsualSizes {
     }
 }
 
-/// The families of an arm; a load may also have come with one of several sessions.
+/// The families of an arm; a load may also act in one of several sessions, or in all but one.
 fn families(dynamics: &Dynamics, sizes: &UsualSizes, sessions: usize, unit: &str) -> Vec<Family> {
     let bodies = dynamics.bodies();
     let mut families: Vec<Family> = Vec::new();
-    let mut add = |effect, session, parameters: Vec<(String, String, f64)>| {
+    let mut add = |effect, sessions, parameters: Vec<(String, String, f64)>| {
         let first = families.last().map_or(0, |last: &Family| last.span.end);
         families.push(Family {
             effect,
-            session,
+            sessions,
             span: first..first + parameters.len(),
             parameters,
         });
@@ -753,7 +808,11 @@ fn families(dynamics: &Dynamics, sizes: &UsualSizes, sessions: usize, unit: &str
         add("drive.payload", None, load());
         if sessions > 1 {
             for session in 0..sessions {
-                add("drive.payload", Some(session), load());
+                add("drive.payload", Some(vec![session]), load());
+                let others: Vec<usize> = (0..sessions).filter(|&one| one != session).collect();
+                if others.len() > 1 {
+                    add("drive.payload", Some(others), load());
+                }
             }
         }
     }

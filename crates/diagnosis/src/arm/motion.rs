@@ -16,13 +16,15 @@ use crate::report::ParameterEstimate;
 
 /// A cause must shrink what is left of the left-out stretches by this share: as a length or angle over all joints, or joint by
 /// joint over its gap,
-const WORTH: f64 = 0.1;
+const WORTH: f64 = 0.05;
 /// and in neither way let it grow by more than this share.
 const GROWS: f64 = 0.05;
 /// Causes whose left-out rms differs by less than this share are not told apart.
 const CLOSE: f64 = 0.02;
-/// Stretches of time that are left out in turn.
+/// Parts of a session that are left out in turn, and stretches of time of each: of a motion that grows faster every part has seen
+/// the fast one.
 const FOLDS: usize = 5;
+const STRETCHES: usize = 4;
 /// Most samples of a session; others are averaged.
 const MOST_SAMPLES: usize = 3_000;
 /// A joint that goes over less than this share of the longest way of its kind does not move.
@@ -67,6 +69,33 @@ struct Model {
     relative: f64,
     /// Left-out rms over all samples.
     absolute: f64,
+}
+
+/// A model, what it leaves of the judging sessions, and what is not told from its last cause.
+struct Step {
+    model: Model,
+    left: Vec<Left>,
+    group: Vec<String>,
+}
+
+impl Step {
+    fn new(model: Model, left: Vec<Left>, group: Vec<String>) -> Self {
+        Self { model, left, group }
+    }
+}
+
+/// Causes that are offered together: accelerations, the masses of the links and a contact act only beside a droop.
+fn sets() -> Vec<Vec<Cause>> {
+    let beside = |cause: &Cause| matches!(cause, Cause::Inertia | Cause::Links | Cause::Contact);
+    let single = CAUSES.into_iter().filter(|cause| !beside(cause));
+    let together = [
+        vec![Cause::Delay, Cause::Lag],
+        vec![Cause::Droop, Cause::Inertia],
+        vec![Cause::Droop, Cause::Links],
+        vec![Cause::Droop, Cause::Contact],
+        vec![Cause::Droop, Cause::Links, Cause::Contact],
+    ];
+    single.map(|cause| vec![cause]).chain(together).collect()
 }
 
 impl Model {
@@ -147,36 +176,58 @@ impl<'a> Motions<'a> {
         })
     }
 
-    /// Parameters of each joint for some causes from all samples, and how far they shrink stretches that were left out.
+    /// Parameters of each joint for some causes beside those of a model, and how far they shrink stretches that were left out;
+    /// `None` where not even the samples that are fitted shrink enough.
     fn model(&self, causes: &[Cause], start: Option<&Model>) -> Option<Model> {
-        let (mut parameters, mut replicates) = (Vec::new(), Vec::new());
-        let (mut relative, mut squares, mut samples) = (0.0, 0.0, 0);
-        for (number, axis) in self.axes.iter().enumerate() {
-            let joints: Vec<&Joint> = axis.fitted.iter().collect();
+        let measured = |left: &[Vec<f64>]| {
+            let squares = |(axis, left): (&Axis, &Vec<f64>)| (rms(left) / axis.gap).powi(2);
+            let relative: f64 = self.axes.iter().zip(left).map(squares).sum();
+            let all: Vec<f64> = left.iter().flatten().copied().collect();
+            [(relative / left.len() as f64).sqrt(), rms(&all)]
+        };
+        let fitted = in_parallel(self.axes.len(), &|number| {
+            let joints: Vec<&Joint> = self.axes[number].fitted.iter().collect();
             let known = start.map(|model| model.parameters[number].values.as_slice());
             let own = servo::fit(&joints, causes, known, &|_, _| true)?;
-            let (parts, values) = Self::left_out(axis, causes, &own)?;
-            let left: Vec<f64> = parts.into_iter().flat_map(|(_, _, left)| left).collect();
-            replicates.push(values);
-            relative += (rms(&left) / axis.gap).powi(2) / self.axes.len() as f64;
-            squares += rms(&left).powi(2) * left.len() as f64;
-            samples += left.len();
-            parameters.push(own);
+            let left = joints.iter().flat_map(|joint| joint.left(&own.values));
+            let left: Vec<f64> = left.collect();
+            Some((own, left))
+        });
+        let (parameters, left): (Vec<Parameters>, Vec<Vec<f64>>) = fitted
+            .into_iter()
+            .collect::<Option<Vec<_>>>()?
+            .into_iter()
+            .unzip();
+        let [relative, absolute] = measured(&left);
+        if start.is_some_and(|than| {
+            (relative / than.relative).min(absolute / than.absolute) > 1.0 - WORTH
+        }) {
+            return None;
         }
+        let left_out = in_parallel(self.axes.len(), &|number| {
+            Self::left_out(&self.axes[number], causes, &parameters[number])
+        });
+        let (parts, replicates): (Vec<Parts>, Vec<Vec<Vec<f64>>>) = left_out
+            .into_iter()
+            .collect::<Option<Vec<_>>>()?
+            .into_iter()
+            .unzip();
+        let join = |parts: Parts| parts.into_iter().flat_map(|(_, _, left)| left).collect();
+        let left: Vec<Vec<f64>> = parts.into_iter().map(join).collect();
+        let [relative, absolute] = measured(&left);
         Some(Model {
             causes: causes.to_vec(),
             parameters,
             replicates,
-            relative: relative.sqrt(),
-            absolute: (squares / samples.max(1) as f64).sqrt(),
+            relative,
+            absolute,
         })
     }
 
     /// Session, stretch and residuals of each stretch that a fit has left out; with several sessions a whole session at a time.
     fn left_out(axis: &Axis, causes: &[Cause], own: &Parameters) -> Option<(Parts, Vec<Vec<f64>>)> {
         let joints: Vec<&Joint> = axis.fitted.iter().collect();
-        let fold =
-            |session: usize, sample: usize| sample * FOLDS / axis.fitted[session].time.len().max(1);
+        let fold = |session: usize, sample: usize| fold(sample, axis.fitted[session].time.len());
         let (mut parts, mut replicates) = (Vec::new(), Vec::new());
         let several = axis.fitted.len() > 1;
         for (session, joint) in axis.fitted.iter().enumerate() {
@@ -203,10 +254,9 @@ impl<'a> Motions<'a> {
         for (axis, own) in self.axes.iter().zip(&model.parameters) {
             if self.withheld.is_empty() {
                 for (session, stretch, residuals) in Self::left_out(axis, &model.causes, own)?.0 {
-                    let fold =
-                        |place: usize| place * FOLDS / axis.fitted[session].time.len().max(1);
                     let firsts = &self.samples[session];
-                    let places = (0..firsts.len()).filter(|&place| fold(place) == stretch);
+                    let own = |&place: &usize| fold(place, firsts.len()) == stretch;
+                    let places = (0..firsts.len()).filter(own);
                     all.push(Left {
                         session,
                         stretch,
@@ -238,94 +288,162 @@ impl<'a> Motions<'a> {
         Some(all)
     }
 
-    /// The model with one more cause, which closes most; a delay may be a dead time, a lag, or both.
-    fn best_with(&self, current: &Model, offered: &[Vec<Cause>]) -> Option<Model> {
-        let with = |more: &Vec<Cause>| {
-            let causes: Vec<Cause> = current.causes.iter().chain(more).copied().collect();
+    /// Of models with one more cause the one that closes most; a delay may be a dead time, a lag, or both.
+    fn best<'m>(
+        &self,
+        current: &Model,
+        tried: &'m [Model],
+        refused: &[String],
+    ) -> Option<&'m Model> {
+        let over = |model: &Model| model.over(current);
+        let added = |model: &Model| model.causes[current.causes.len()..].to_vec();
+        let name = |model: &Model| self.identifier(&added(model));
+        let better = || {
+            let better = tried.iter().filter(|model| model.is_better_than(current));
+            better.filter(|model| !refused.contains(&name(model)))
+        };
+        let first = name(better().min_by(|a, b| over(a).total_cmp(&over(b)))?);
+        // Of those with one name that are not told apart the simplest comes first.
+        let rank = |model: &Model| over(model) * (1.0 + CLOSE).powi(added(model).len() as i32);
+        let alike = better().filter(|model| name(model) == first);
+        alike.min_by(|a, b| rank(a).total_cmp(&rank(b)))
+    }
+
+    /// Models with more causes than the one before each, all of which judge better.
+    fn chain(&self, first: Model) -> Option<Vec<Step>> {
+        let left = self.judged(&first)?;
+        let mut chain = vec![Step::new(first, left, Vec::new())];
+        let (mut refused, quiet) = (Vec::new(), QUIET * self.floor());
+        while let Some(last) = chain.last()
+            && size(&last.left) > quiet
+        {
+            let tried = self.tried(&last.model);
+            let mut found = None;
+            while let Some(one) = self.next(last, &tried, &refused) {
+                if size(&one.left) <= size(&last.left) {
+                    found = Some(vec![one]);
+                    break;
+                }
+                // What makes another motion worse is no cause, unless with the next one it makes it better.
+                let two = self.next(&one, &self.tried(&one.model), &refused);
+                if let Some(two) = two.filter(|two| size(&two.left) <= size(&last.left)) {
+                    found = Some(vec![one, two]);
+                    break;
+                }
+                refused.push(self.identifier(&one.model.causes[last.model.causes.len()..]));
+            }
+            let Some(found) = found else { break };
+            for step in found {
+                // A delay that is named may be of both kinds.
+                match chain.pop_if(|last| self.names_again(&last.model, &step.model)) {
+                    Some(last) => chain.push(Step {
+                        group: last.group,
+                        ..step
+                    }),
+                    None => chain.push(step),
+                }
+            }
+        }
+        self.sorted(chain)
+    }
+
+    /// The next step after one.
+    fn next(&self, last: &Step, tried: &[Model], refused: &[String]) -> Option<Step> {
+        let model = self.best(&last.model, tried, refused)?;
+        let group = self.not_told(model, last.model.causes.len(), tried);
+        Some(Step::new(model.clone(), self.judged(model)?, group))
+    }
+
+    /// True where what a model has more than another is named there.
+    fn names_again(&self, before: &Model, after: &Model) -> bool {
+        let name = self.identifier(&after.causes[before.causes.len()..]);
+        before
+            .causes
+            .iter()
+            .any(|&cause| self.identifier(&[cause]) == name)
+    }
+
+    /// Models with one more cause than another.
+    fn tried(&self, current: &Model) -> Vec<Model> {
+        let has = |cause: &Cause| current.causes.contains(cause);
+        let is_late = has(&Cause::Delay) || has(&Cause::Lag);
+        let is_new = |set: &Vec<Cause>| {
+            let name = self.identifier(set);
+            let known = current
+                .causes
+                .iter()
+                .any(|&cause| self.identifier(&[cause]) == name);
+            !known
+                || (is_late
+                    && set.len() == 1
+                    && !has(&set[0])
+                    && name == self.identifier(&[Cause::Delay]))
+        };
+        let with = |more: Vec<Cause>| {
+            let causes: Vec<Cause> = current.causes.iter().copied().chain(more).collect();
             self.model(&causes, Some(current))
         };
-        let mut models: Vec<Model> = offered.iter().filter_map(with).collect();
-        let over = |model: &Model| model.over(current);
-        models.retain(|model| model.is_better_than(current));
-        models.sort_by(|a, b| over(a).total_cmp(&over(b)));
-        // Of those with one name that are not told apart the simplest comes first.
-        let added = |model: &Model| model.causes[current.causes.len()..].to_vec();
-        let rank = |model: &Model| over(model) * (1.0 + CLOSE).powi(added(model).len() as i32);
-        let best = self.identifier(&added(models.first()?));
-        let alike = models
-            .into_iter()
-            .filter(|model| self.identifier(&added(model)) == best);
-        alike.min_by(|a, b| rank(a).total_cmp(&rank(b)))
+        sets().into_iter().filter(is_new).filter_map(with).collect()
+    }
+
+    /// The same, what makes the other motion worse by itself behind the one with which it makes it better.
+    fn sorted(&self, mut chain: Vec<Step>) -> Option<Vec<Step>> {
+        for last in (2..chain.len()).rev() {
+            for place in 1..last {
+                if size(&chain[place].left) <= size(&chain[place - 1].left) {
+                    continue;
+                }
+                let [before, own, whole] =
+                    [place - 1, place, place + 1].map(|one| chain[one].model.causes.clone());
+                let other = &whole[own.len()..];
+                let causes = [&before, other].concat();
+                let Some(model) = self.model(&causes, None) else {
+                    continue;
+                };
+                let turned = [&causes, &own[before.len()..]].concat();
+                for later in &mut chain[place + 1..] {
+                    later.model.causes[..turned.len()].copy_from_slice(&turned);
+                }
+                let group = std::mem::take(&mut chain[place + 1].group);
+                let left = self.judged(&model)?;
+                chain[place + 1].group =
+                    std::mem::replace(&mut chain[place], Step::new(model, left, group)).group;
+            }
+        }
+        Some(chain)
     }
 
     /// Names the causes.
     pub(super) fn named(&self) -> Option<Named> {
-        let mut current = self.model(&[], None)?;
-        let before = self.judged(&current)?;
-        let (mut former, mut effects) = (before.clone(), Vec::new());
-        let quiet = QUIET * self.floor();
-        while size(&former) > quiet {
-            // Accelerations, the masses of the links and a contact act only beside a droop.
-            let beside =
-                |cause: &Cause| matches!(cause, Cause::Inertia | Cause::Links | Cause::Contact);
-            let single = CAUSES.iter().filter(|&cause| !beside(cause));
-            let sets = single.map(|&cause| vec![cause]).chain([
-                vec![Cause::Delay, Cause::Lag],
-                vec![Cause::Droop, Cause::Inertia],
-                vec![Cause::Droop, Cause::Links],
-                vec![Cause::Droop, Cause::Contact],
-                vec![Cause::Droop, Cause::Links, Cause::Contact],
-            ]);
-            let known: Vec<String> = (current.causes.iter())
-                .map(|&cause| self.identifier(&[cause]))
-                .collect();
-            let offered: Vec<Vec<Cause>> = sets
-                .filter(|set| !known.contains(&self.identifier(set)))
-                .collect();
-            let Some(more) = self.best_with(&current, &offered) else {
-                break;
-            };
-            let added = more.causes[current.causes.len()..].to_vec();
-            let after = self.judged(&more)?;
-            // What makes another motion worse is no cause.
-            if size(&after) > size(&former) {
-                break;
-            }
-            let group = self.not_told(&current, &more, &added, &offered);
-            let id = self.identifier(&added);
-            effects.push(named_effect(
-                &id,
+        let chain = self.chain(self.model(&[], None)?)?;
+        let (first, last) = (chain.first()?, chain.last()?);
+        let name =
+            |pair: &[Step]| self.identifier(&last.model.causes[pair[0].model.causes.len()..]);
+        let of = |name: &str| -> Vec<Cause> {
+            let all = last.model.causes.iter().copied();
+            all.filter(|&cause| self.identifier(&[cause]) == name)
+                .collect()
+        };
+        // What is named beside it is no rival of a cause.
+        let names: Vec<String> = chain.windows(2).map(name).collect();
+        let effect = |(pair, name): (&[Step], &String)| {
+            let rivals = pair[1].group.iter().filter(|other| !names.contains(other));
+            // Parameters are those of the whole.
+            named_effect(
+                name,
                 1.0,
-                Vec::new(),
-                group,
-                (&former, &after),
+                self.estimates(&last.model, &of(name)),
+                rivals.cloned().collect(),
+                (&pair[0].left, &pair[1].left),
                 &self.tracks(),
                 self.dynamics,
-            ));
-            (former, current) = (after, more);
-        }
-        // Parameters are those of the whole.
-        let mut begun = 0;
-        for effect in &mut effects {
-            let causes = current.causes[begun..].iter();
-            let own = causes.take_while(|&&cause| self.identifier(&[cause]) == effect.effect);
-            let count = own.count();
-            let own = current.causes[begun..begun + count].to_vec();
-            effect.parameters = self.estimates(&current, &own);
-            begun += count;
-        }
-        // What is named beside it is no rival of a cause.
-        let named: Vec<String> = effects.iter().map(|effect| effect.effect.clone()).collect();
-        for effect in &mut effects {
-            effect
-                .indistinguishable_from
-                .retain(|other| !named.contains(other));
-        }
+            )
+        };
         Some(Named {
-            effects,
-            remarks: self.contact(&current).into_iter().collect(),
-            before,
-            after: former,
+            effects: chain.windows(2).zip(&names).map(effect).collect(),
+            remarks: self.contact(&last.model).into_iter().collect(),
+            before: first.left.clone(),
+            after: last.left.clone(),
         })
     }
 
@@ -371,6 +489,7 @@ impl<'a> Motions<'a> {
             Cause::Droop | Cause::Inertia | Cause::Links | Cause::Contact => {
                 "drive.droop".to_owned()
             }
+            Cause::Limit => "drive.saturation".to_owned(),
             Cause::Friction => "drive.coulomb_friction".to_owned(),
             Cause::Scale => {
                 let body = self.axes.first().map_or(0, |axis| axis.body);
@@ -379,25 +498,15 @@ impl<'a> Motions<'a> {
         }
     }
 
-    /// What left-out stretches do not tell from the cause that was added, and what is the same behind a proportional controller.
-    fn not_told(
-        &self,
-        before: &Model,
-        after: &Model,
-        added: &[Cause],
-        offered: &[Vec<Cause>],
-    ) -> Vec<String> {
+    /// What left-out stretches do not tell from what a model has after so many causes, and what is the same behind a proportional
+    /// controller.
+    fn not_told(&self, after: &Model, known: usize, tried: &[Model]) -> Vec<String> {
+        let added = &after.causes[known..];
         let mut group = Vec::new();
-        for other in offered {
-            if self.identifier(other) == self.identifier(added) {
-                continue;
-            }
-            let causes: Vec<Cause> = before.causes.iter().chain(other).copied().collect();
-            let close = self
-                .model(&causes, Some(before))
-                .is_some_and(|model| model.over(after) < 1.0 + CLOSE);
-            let other = self.identifier(other);
-            if close && !group.contains(&other) {
+        for model in tried {
+            let other = self.identifier(&model.causes[known..]);
+            let close = model.over(after) < 1.0 + CLOSE;
+            if close && other != self.identifier(added) && !group.contains(&other) {
                 group.push(other);
             }
         }
@@ -410,6 +519,7 @@ impl<'a> Motions<'a> {
                 group.extend(joints.map(|joint| format!("axis.{joint}.lag")));
             }
             Cause::Friction => group.push("drive.backlash".to_owned()),
+            Cause::Limit => {}
             Cause::Droop | Cause::Inertia | Cause::Links | Cause::Contact => {
                 group.push("drive.compliance".to_owned());
             }
@@ -437,6 +547,8 @@ impl<'a> Motions<'a> {
                 let unit = match name {
                     "dead_time" | "time_constant" => "s",
                     "inertia_over_stiffness" => "s²",
+                    "acceleration" if length == "m" => "m/s²",
+                    "acceleration" => "rad/s²",
                     "below_height" => "m",
                     "half_width" | "at_mean_weight" | "at_usual_acceleration" => length,
                     _ => "1",
@@ -445,13 +557,17 @@ impl<'a> Motions<'a> {
                     continue;
                 }
                 let scatter: Vec<f64> = replicates.iter().map(|values| values[place]).collect();
-                let value = own.values[place]
-                    + if name == "below_height" {
-                        self.lowest
-                    } else {
-                        0.0
-                    };
-                let half = half_width(own.deviations[place], &scatter);
+                let mut value = own.values[place];
+                let mut half = half_width(own.deviations[place], &scatter);
+                match name {
+                    "below_height" => value += self.lowest,
+                    // The parameter is its inverse.
+                    "acceleration" if value > 0.0 => {
+                        (value, half) = (1.0 / value, half / (value * value));
+                    }
+                    "acceleration" => continue,
+                    _ => {}
+                }
                 estimates.push(ParameterEstimate {
                     name: format!("{}.{name}", body.joint),
                     value,
@@ -485,6 +601,33 @@ impl<'a> Motions<'a> {
     pub(super) fn tracks(&self) -> Vec<&Track> {
         self.fitted.iter().chain(self.withheld).collect()
     }
+}
+
+/// Part of a session that a sample is left out with, of so many.
+fn fold(sample: usize, count: usize) -> usize {
+    sample * FOLDS * STRETCHES / count.max(1) % FOLDS
+}
+
+/// What a function makes of each number, over the processor's cores.
+fn in_parallel<T: Send>(count: usize, make: &(impl Fn(usize) -> T + Sync)) -> Vec<T> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let of = |core: usize| (core..count).step_by(cores).map(make).collect::<Vec<T>>();
+    std::thread::scope(|scope| {
+        let of = &of;
+        let own: Vec<_> = (1..cores.min(count))
+            .map(|core| scope.spawn(move || of(core)))
+            .collect();
+        let mut all = vec![of(0).into_iter()];
+        for core in own {
+            match core.join() {
+                Ok(made) => all.push(made.into_iter()),
+                Err(panic) => std::panic::resume_unwind(panic),
+            }
+        }
+        (0..count)
+            .filter_map(|number| all[number % cores].next())
+            .collect()
+    })
 }
 
 /// First samples of the runs that are averaged.

@@ -1,6 +1,7 @@
 //! A position-controlled joint: what it does on a command, simulated from the command alone.
 //!
-//! The command u arrives late (dead time τ), scaled by 1 + s. The controller is proportional, without integral part; all over its
+//! The command u arrives late (dead time τ), scaled by 1 + s; a servo that limits its acceleration follows it as fast as it can
+//! still stop at it. The controller is proportional, without integral part; all over its
 //! stiffness, the joint obeys m q̈ + T q̇ = (1 + s) u + c − q − friction, with its inertia m (s²) and its damping T (s). It hangs
 //! by c = Cθ under the weight that it carries, and where the tip presses on something lower than z it yields by as much of the
 //! depth as the lever of the tip allows. Friction takes what it can up to h = r (1 + λ(|g| − 1)), g the weight over its mean
@@ -8,6 +9,9 @@
 //! Pokrovskiĭ 1989). Steps are implicit (Euler), so that a stiff joint is no special case. rad or m, s.
 //! Derivatives with respect to all parameters go along with the simulation.
 
+use std::borrow::Cow;
+
+use effects::drive::signals::derivative;
 use metrology::statistics::rms;
 use nalgebra::{DMatrix, DVector};
 
@@ -34,6 +38,10 @@ const MOST_STEPS: usize = 8;
 const HEAVIEST: f64 = 0.1;
 /// Depths to which a contact is sought at first, over the height that the tip is commanded through.
 const DEPTHS: [f64; 3] = [0.1, 0.25, 0.5];
+/// Limits of the acceleration that are tried at first: one over them, over one over the largest that is seen.
+const LIMITS: [f64; 2] = [0.5, 1.0];
+/// Relative change of a limit for a derivative.
+const SMALL: f64 = 1e-3;
 /// How much of the depth a joint that alone yields gives way.
 const YIELDS: f64 = 1.0;
 
@@ -61,6 +69,8 @@ pub(super) enum Cause {
     Delay,
     /// A second-order lag: damping and inertia over stiffness.
     Lag,
+    /// A limit of the acceleration at which a servo follows its command.
+    Limit,
     /// A position that yields to the weight by the description.
     Droop,
     /// The same to the effort of speeds and accelerations.
@@ -76,9 +86,10 @@ pub(super) enum Cause {
 }
 
 /// All of them, in the order of the parameters.
-pub(super) const CAUSES: [Cause; 8] = [
+pub(super) const CAUSES: [Cause; 9] = [
     Cause::Delay,
     Cause::Lag,
+    Cause::Limit,
     Cause::Friction,
     Cause::Scale,
     Cause::Droop,
@@ -88,7 +99,7 @@ pub(super) const CAUSES: [Cause; 8] = [
 ];
 
 /// Places of the parameters: dead time, time constant, inertia, half width, its dependence on load, scale, share of the depth by
-/// which the joint yields to a contact and its height, then those of the droop: a constant, by weight, by acceleration, and by the
+/// which the joint yields to a contact and its height, inverse of the largest acceleration, then those of the droop: a constant, by weight, by acceleration, and by the
 /// masses of the links.
 const DEAD_TIME: usize = 0;
 const TIME_CONSTANT: usize = 1;
@@ -98,7 +109,8 @@ const BY_LOAD: usize = 4;
 const SCALE: usize = 5;
 const YIELD: usize = 6;
 const HEIGHT: usize = 7;
-const FIRST_DROOP: usize = 8;
+const SLOWNESS: usize = 8;
+const FIRST_DROOP: usize = 9;
 const BY_WEIGHT: usize = FIRST_DROOP + 1;
 const BY_ACCELERATION: usize = FIRST_DROOP + 2;
 
@@ -126,6 +138,7 @@ impl Parameters {
                 ("time_constant", TIME_CONSTANT),
                 ("inertia_over_stiffness", INERTIA),
             ],
+            Cause::Limit => &[("acceleration", SLOWNESS)],
             Cause::Friction => &[("half_width", HALF_WIDTH), ("by_load", BY_LOAD)],
             Cause::Scale => &[("scale", SCALE)],
             Cause::Droop => &[("at_mean_weight", BY_WEIGHT)],
@@ -143,6 +156,7 @@ fn is_free(parameter: usize, causes: &[Cause]) -> bool {
         TIME_CONSTANT | INERTIA => Cause::Lag,
         HALF_WIDTH | BY_LOAD => Cause::Friction,
         SCALE => Cause::Scale,
+        SLOWNESS => Cause::Limit,
         YIELD | HEIGHT => Cause::Contact,
         FIRST_DROOP => return true,
         BY_WEIGHT => Cause::Droop,
@@ -164,7 +178,17 @@ impl Joint {
         let (mut at, mut speed) = (self.position[0], 0.0);
         let (mut moved, mut faster) = (vec![0.0; width], vec![0.0; width]);
         let mut positions = Vec::with_capacity(count);
-        let mut command = Delayed::new(self, values[DEAD_TIME]);
+        let shaped = self.shaped(values[SLOWNESS]);
+        let mut command = Delayed::new(&self.time, &shaped, values[DEAD_TIME]);
+        let slower = if free.contains(&SLOWNESS) {
+            let change = SMALL * (values[SLOWNESS] + SMALL);
+            let other = self.shaped(values[SLOWNESS] + change);
+            let pairs = other.iter().zip(shaped.iter());
+            pairs.map(|(other, own)| (other - own) / change).collect()
+        } else {
+            vec![0.0; count]
+        };
+        let mut slower = Delayed::new(&self.time, &slower, values[DEAD_TIME]);
         for sample in 0..count {
             let before = sample.saturating_sub(1);
             let span = self.time[sample] - self.time[before];
@@ -224,6 +248,7 @@ impl Joint {
                         HALF_WIDTH => -side * step * (1.0 + values[BY_LOAD] * load),
                         BY_LOAD => -side * step * values[HALF_WIDTH] * load,
                         SCALE => step * late,
+                        SLOWNESS => step * scale * slower.at(self.time[before] + share * span).0,
                         YIELD => step * lever * depth,
                         HEIGHT if depth > 0.0 => step * values[YIELD] * lever,
                         HEIGHT => 0.0,
@@ -244,6 +269,42 @@ impl Joint {
         (positions, along)
     }
 
+    /// The command as a servo follows it that accelerates by no more than one over `slowness`.
+    fn shaped(&self, slowness: f64) -> Cow<'_, [f64]> {
+        if slowness <= 0.0 {
+            return Cow::Borrowed(&self.command);
+        }
+        let mut command = Delayed::new(&self.time, &self.command, 0.0);
+        let (mut at, mut speed, limit) = (self.command[0], 0.0, 1.0 / slowness);
+        let mut shaped = vec![at];
+        for pair in self.time.windows(2) {
+            let span = pair[1] - pair[0];
+            let steps = ((span / STEP).ceil()).clamp(1.0, MOST_STEPS as f64);
+            let step = (span / steps).max(1e-9);
+            for part in 1..=steps as usize {
+                let away = command.at(pair[0] + part as f64 * step).0 - at;
+                // The speed at which it can still stop there.
+                let fastest = (2.0 * limit * away.abs()).sqrt().min(away.abs() / step);
+                let change = fastest * away.signum() - speed;
+                speed += change.clamp(-limit * step, limit * step);
+                at += step * speed;
+            }
+            shaped.push(at);
+        }
+        Cow::Owned(shaped)
+    }
+
+    /// Largest acceleration of its positions, rad/s² or m/s².
+    fn fastest(&self) -> f64 {
+        let piece = vec![0; self.time.len()];
+        let twice = derivative(
+            &self.time,
+            &piece,
+            &derivative(&self.time, &piece, &self.position),
+        );
+        twice.iter().fold(1e-9, |most, one| one.abs().max(most))
+    }
+
     /// What the parameters leave, without its mean over the session: an encoder's zero.
     pub(super) fn left(&self, values: &[f64]) -> Vec<f64> {
         let (simulated, _) = self.simulated(values, &[]);
@@ -259,15 +320,17 @@ impl Joint {
 
 /// The command of a joint some time later, at instants that only grow.
 struct Delayed<'a> {
-    joint: &'a Joint,
+    time: &'a [f64],
+    command: &'a [f64],
     dead_time: f64,
     next: usize,
 }
 
 impl<'a> Delayed<'a> {
-    fn new(joint: &'a Joint, dead_time: f64) -> Self {
+    fn new(time: &'a [f64], command: &'a [f64], dead_time: f64) -> Self {
         Self {
-            joint,
+            time,
+            command,
             dead_time,
             next: 0,
         }
@@ -275,7 +338,7 @@ impl<'a> Delayed<'a> {
 
     /// Command and its slope.
     fn at(&mut self, instant: f64) -> (f64, f64) {
-        let (time, command) = (&self.joint.time, &self.joint.command);
+        let (time, command) = (self.time, self.command);
         let instant = instant - self.dead_time;
         while self.next + 1 < time.len() && time[self.next + 1] < instant {
             self.next += 1;
@@ -314,8 +377,9 @@ pub(super) fn centred(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// Usual sizes of the parameters of a joint whose command goes over `range` (rad or m), and whose tip over `height` (m).
-fn usual(range: f64, height: f64, width: usize) -> Vec<f64> {
+/// Usual sizes of the parameters of a joint whose command goes over `range` (rad or m), whose tip over `height` (m), and whose
+/// largest acceleration is `fastest`.
+fn usual(range: f64, height: f64, fastest: f64, width: usize) -> Vec<f64> {
     let mut usual = vec![USUAL * range; width];
     usual[DEAD_TIME] = 0.1;
     usual[TIME_CONSTANT] = 0.1;
@@ -324,6 +388,7 @@ fn usual(range: f64, height: f64, width: usize) -> Vec<f64> {
     usual[HEIGHT] = height;
     usual[BY_LOAD] = 0.5;
     usual[SCALE] = 0.1;
+    usual[SLOWNESS] = 1.0 / fastest;
     usual
 }
 
@@ -372,7 +437,7 @@ pub(super) fn fit(
                 }
             })
             .collect();
-        for place in [TIME_CONSTANT, INERTIA, HALF_WIDTH] {
+        for place in [DEAD_TIME, TIME_CONSTANT, INERTIA, HALF_WIDTH] {
             if is_free(place, causes) && one[place] == 0.0 {
                 one[place] = starts[0][place];
             }
@@ -401,6 +466,17 @@ pub(super) fn fit(
             })
         };
         starts = starts.iter().flat_map(pressed).collect();
+    }
+    if free.contains(&SLOWNESS) && starts.iter().all(|start| start[SLOWNESS] == 0.0) {
+        let limited = |start: &Vec<f64>| {
+            let start = start.clone();
+            LIMITS.map(|share| {
+                let mut limited = start.clone();
+                limited[SLOWNESS] = share * usual[SLOWNESS];
+                limited
+            })
+        };
+        starts = starts.iter().flat_map(limited).collect();
     }
     let gap: Vec<f64> = sessions
         .iter()
@@ -473,7 +549,9 @@ fn usual_of(sessions: &[&Joint], width: usize) -> Vec<f64> {
         .collect();
     let heights = sessions.iter().flat_map(|joint| joint.height.clone());
     let heights: Vec<f64> = heights.collect();
-    usual(range(&commands).max(1e-6), range(&heights).max(1e-6), width)
+    let fastest = (sessions.iter()).fold(0.0, |most, joint| joint.fastest().max(most));
+    let (way, height) = (range(&commands).max(1e-6), range(&heights).max(1e-6));
+    usual(way, height, fastest, width)
 }
 
 impl Joint {
@@ -586,6 +664,7 @@ fn bounded(values: &mut [f64]) {
     values[HEIGHT] = values[HEIGHT].max(0.0);
     values[BY_LOAD] = values[BY_LOAD].clamp(0.0, MOST_BY_LOAD);
     values[SCALE] = values[SCALE].clamp(-0.5, 0.5);
+    values[SLOWNESS] = values[SLOWNESS].max(0.0);
 }
 
 #[cfg(test)]
@@ -620,7 +699,9 @@ mod tests {
         joint
     }
 
-    const TRUE: [f64; 10] = [0.05, 0.04, 0.003, 0.02, 0.3, -0.02, 0.4, 0.06, 0.001, -0.03];
+    const TRUE: [f64; 11] = [
+        0.05, 0.04, 0.003, 0.02, 0.3, -0.02, 0.4, 0.06, 2.0, 0.001, -0.03,
+    ];
 
     #[test]
     fn its_derivatives_are_those_of_the_simulation() {
@@ -718,6 +799,46 @@ mod tests {
         assert!((found[HALF_WIDTH] - friction).abs() < 1e-3, "{found:?}");
         let (left, gap) = (rms(&fast.left(&found)), rms(&centred(fast.difference())));
         assert!(left < 0.03 * gap, "{left} of {gap}");
+    }
+
+    /// A servo that commands itself a way of limited acceleration, here by an integration of its own at steps of 0.1 ms: a fast
+    /// motion tells the limit, and a step is predicted.
+    #[test]
+    fn a_limit_of_the_acceleration_is_found_and_a_step_predicted() {
+        let limit = 8.0;
+        let moved = |command: &dyn Fn(f64) -> f64| {
+            let mut joint = joint(&[0.0; TRUE.len()]);
+            let (mut at, mut speed, step) = (command(0.0), 0.0_f64, 1e-4);
+            for (sample, time) in joint.time.clone().into_iter().enumerate() {
+                joint.command[sample] = command(time);
+                joint.position[sample] = at;
+                for part in 0..200 {
+                    let away = command(time + step * f64::from(part)) - at;
+                    // Brakes where it would otherwise pass the command.
+                    let brakes = speed * away > 0.0 && speed * speed > 2.0 * limit * away.abs();
+                    speed += step
+                        * limit
+                        * if brakes {
+                            -speed.signum()
+                        } else {
+                            away.signum()
+                        };
+                    at += step * speed;
+                }
+            }
+            joint
+        };
+        let swings = moved(&|t| 0.2 * (0.3 * t * t).sin());
+        let steps = moved(&|t| if t % 4.0 < 2.0 { 0.2 } else { -0.2 });
+        let found = fit(&[&swings], &[Cause::Limit], None, &|_, _| true)
+            .unwrap()
+            .values;
+        assert!(
+            (1.0 / found[SLOWNESS] - limit).abs() < 0.1 * limit,
+            "{found:?}"
+        );
+        let (left, gap) = (rms(&steps.left(&found)), rms(&centred(steps.difference())));
+        assert!(left < 0.15 * gap, "{left} of {gap}");
     }
 
     /// A link of 0.3 m that turns about a level axis and comes to lie on a rigid table: it stops there, whatever is commanded.

@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use effects::clock_check::resolution;
 use effects::drive::columns::signs;
 use effects::drive::signals::{derivative, noise, pieces, smoothed, usual_step};
 use effects::session::{Session, seconds};
@@ -187,7 +188,9 @@ impl Track {
             moves: moves.clone(),
             effort: effort.iter().map(|values| keep(pass(values))).collect(),
             command: command.iter().map(|values| keep(pass(values))).collect(),
-            position_noise: position.iter().map(|q| noise(q) * kept).collect(),
+            position_noise: (position.iter())
+                .map(|q| rounding(q).max(noise(q) * kept))
+                .collect(),
             effort_noise: effort.iter().map(|values| noise(values) * kept).collect(),
             acceleration_noise: Vec::new(),
         };
@@ -277,6 +280,11 @@ fn even(series: &Series) -> (Vec<f64>, Vec<usize>, f64) {
 pub(super) fn range(values: &[f64]) -> f64 {
     let (low, high) = (values.iter()).fold((f64::MAX, f64::MIN), |(l, h), &v| (l.min(v), h.max(v)));
     (high - low).max(0.0)
+}
+
+/// What the steps of an encoder add to the noise of its positions: step/√12; a joint that stands still shows no other.
+fn rounding(position: &Vec<f64>) -> f64 {
+    resolution(std::slice::from_ref(position)).map_or(0.0, |step| step / 12.0_f64.sqrt())
 }
 
 /// True where positions go over more than their noise.

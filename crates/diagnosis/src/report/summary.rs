@@ -32,6 +32,7 @@ impl fmt::Display for Report {
         }
         let micro = |value: f64| match self.gap.unit.as_str() {
             "m" => format!("{:.2} µm", value * 1e6),
+            "rad" if self.gap.rms >= 2e-3 => format!("{:.2} mrad", value * 1e3),
             "rad" => format!("{:.2} µrad", value * 1e6),
             "s" => format!("{:.2} ms", value * 1e3),
             unit => format!("{value:.4} {unit}"),

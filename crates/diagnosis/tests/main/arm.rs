@@ -96,3 +96,38 @@ fn a_motion_without_and_one_with_a_load_tell_its_mass() {
     assert_eq!((mass.name.as_str(), mass.unit.as_str()), ("mass", "kg"));
     assert!((mass.value - 2.6).abs() < 0.2, "{mass:?}");
 }
+
+/// With two motions that carry it the load acts in these, and is no load of less than no mass in the third.
+#[test]
+fn a_load_acts_in_the_motions_that_carry_it() {
+    let fitted = [
+        "ur_free_fit.mcap",
+        "ur_load_a_fit.mcap",
+        "ur_load_a_held.mcap",
+    ];
+    let Some(report) = diagnosed(&fitted, &[]) else {
+        return;
+    };
+    let loads = report
+        .effects
+        .iter()
+        .filter(|one| one.effect == "drive.payload");
+    let masses: Vec<f64> = loads.map(|load| load.parameters[0].value).collect();
+    assert_eq!(masses.len(), 1, "{masses:?}");
+    assert!((masses[0] - 2.6).abs() < 0.3, "{masses:?}");
+}
+
+/// From one motion a load is not told from heavier links, and its interval says so.
+#[test]
+fn the_interval_of_a_load_from_one_motion_holds_its_mass() {
+    for (fit, held) in [("fit", "held"), ("held", "fit")] {
+        let name = |half: &str| format!("ur_load_a_{half}.mcap");
+        let Some(report) = diagnosed(&[&name(fit)], &[&name(held)]) else {
+            return;
+        };
+        let mut effects = report.effects.iter();
+        let load = effects.find(|one| one.effect == "drive.payload").unwrap();
+        let [low, high] = load.parameters[0].ci95;
+        assert!(low < 2.6 && 2.6 < high, "{low} to {high} kg");
+    }
+}
