@@ -19,13 +19,15 @@ use effects::Variant;
 use effects::observation::Observations;
 use effects::session::Session;
 use inference::candidate::Candidate;
+use inference::columns::Rows;
 use inference::cross_validation::HeldOut;
 use inference::posterior::ModelPosterior;
-use inference::relevance::{Fit, Products, over_rows};
+use inference::relevance::used;
 use metrology::statistics::rms;
 
 use crate::report::residuals::{self, TouchResiduals};
-use crate::report::{Report, Rung, Verdict};
+use crate::report::{Report, Rung, Unexplained, Verdict, localisation};
+use judge::Named;
 pub(crate) use judge::{Judged, Table};
 pub(crate) use report::{size, verdict};
 
@@ -62,8 +64,14 @@ pub(crate) fn better_of(
     let Some(judged) = table.judge(variants, &attribution.active) else {
         return first;
     };
+    let named: Vec<Named> = (set.iter())
+        .map(|&member| Named {
+            effect: &variants[attribution.candidates[member].variant].effect,
+            columns: scaled(&attribution.candidates[member]),
+        })
+        .collect();
     let quiet = |times: f64| judged.fit.sizes.noise.sqrt() < times * first.0.gap.noise_floor;
-    let opinion = without_remainders(&judged, attribution, set);
+    let opinion = judged.without_remainders(&named);
     let left = (opinion.as_ref()).map_or(f64::INFINITY, |(bare, fit)| {
         judged.stretches.left_out(bare, fit).sqrt()
     });
@@ -76,8 +84,10 @@ pub(crate) fn better_of(
     let closed = ladder.is_some_and(closes) && own < MISSED * gap;
     let found = own < FOUND * gap && quiet(QUIET);
     let missed = left > MISSED * gap && (closed || found);
-    // What the first explains down to the noise, the second must predict as well.
-    let complete = left < COMPLETE * first.0.gap.noise_floor && own > AS_GOOD * left;
+    // What the first explains down to the noise, the second must predict as well, unless it has more evidence.
+    let complete = left < COMPLETE * first.0.gap.noise_floor
+        && own > AS_GOOD * left
+        && judged.is_surpassed_by(&named);
     let unsupported = !judged.supports(&first.0.effects) && !complete && quiet(AS_QUIET);
     // Of two that name the same, the better one speaks; what it takes for noise is none to the first.
     let better = judged.names(&first.0.effects)
@@ -87,10 +97,19 @@ pub(crate) fn better_of(
             let by_pose = rms(&judged.stretches.by_pose(bare, fit));
             AS_GOOD * size(&judged.left_out(judged.named.len())).rms < by_pose
         });
+    // Where families predict left-out stretches down to the noise, nothing unknown is left.
+    let unknown = matches!(
+        first.0.verdict,
+        Verdict::Unexplained | Verdict::PartlyExplained
+    );
+    let resolved = unknown
+        && quiet(AS_QUIET)
+        && own < AS_GOOD * left
+        && own < COMPLETE * judged.fit.sizes.noise.sqrt();
     // A form of guideways is a process over the place to the first, whatever its size.
     let formed = judged.has_form() && own < MISSED * left;
-    if judged.named.is_empty() || !(missed || unsupported || better || formed) {
-        return first;
+    if judged.named.is_empty() || !(missed || unsupported || better || formed || resolved) {
+        return beside(observations, &judged, attribution, &named, first);
     }
     let (mut report, touches) = second(session, observations, &judged, &attribution.y, first.0);
     if missed && !found && report.verdict == Verdict::Explained {
@@ -105,21 +124,33 @@ pub(crate) fn better_of(
     (report, touches)
 }
 
-/// The fit of what the first opinion names, without remainders.
-fn without_remainders(
+/// The first opinion with what it takes for correlated noise as a remainder, where that has more evidence: what follows features,
+/// places or time smoothly is no noise of touches.
+fn beside(
+    observations: &Observations,
     judged: &Judged,
     attribution: &ModelPosterior,
-    set: &[usize],
-) -> Option<(Products, Fit)> {
-    let mut bare = judged.bare.clone();
-    let mut sizes = bare.start();
-    for &member in set {
-        let columns = scaled(&attribution.candidates[member]);
-        sizes = sizes.with(bare.families(), 1.0);
-        bare.extend(&over_rows(&columns, &judged.active));
+    named: &[Named<'_>],
+    (mut report, touches): (Report, TouchResiduals),
+) -> (Report, TouchResiduals) {
+    let rows = Rows {
+        active: judged.active.clone(),
+        ..attribution.rows()
+    };
+    if report.verdict != Verdict::Explained || rows.lag1_correlation == 0.0 {
+        return (report, touches);
     }
-    let fit = bare.fit(sizes)?;
-    Some((bare, fit))
+    if let Some(left) = judged.left_beside(named, &attribution.y, &rows) {
+        report.verdict = Verdict::PartlyExplained;
+        report.gap.noise_floor = left.noise;
+        report.unexplained = Unexplained {
+            rms: rms(&used(&left.part, &judged.active)).min(report.gap.rms),
+            place: localisation::of_part(observations, &left.part, &judged.active),
+            ladder: Vec::new(),
+        };
+        report = report.finished();
+    }
+    (report, touches)
 }
 
 /// Columns of a candidate at parameters of usual size.

@@ -6,6 +6,18 @@
 /// Moves below this are none, m or rad.
 const STANDS: f64 = 1e-5;
 
+/// A share of a unit vector below this is rounding.
+const ACROSS_IT: f64 = 1e-6;
+
+/// The side from which a movement comes along an axis; 0 across it.
+pub(crate) fn side(along: f64) -> f64 {
+    if along.abs() < ACROSS_IT {
+        0.0
+    } else {
+        along.signum()
+    }
+}
+
 /// The sign of the last move at each of some successive positions; 0 where nobody can say.
 ///
 /// At a turning point that is read twice, the second reading belongs to the run that follows: an axis overruns its last

@@ -10,7 +10,7 @@ use machine::{Chain, JointKind, Nominal, Sensitivity, Surface, Target};
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
 
-use crate::approach_direction::last_moves;
+use crate::approach_direction::{last_moves, side};
 use crate::clock_check;
 use crate::sensors::{Response, Series};
 use crate::session::{self, Session, SessionError, seconds};
@@ -31,6 +31,8 @@ const CHANCE: f64 = 1.2;
 const SAME_FEED: f64 = 1e-6;
 /// Axis speed below which an axis stands, as a share of the feed.
 const STANDS: f64 = 1e-6;
+/// An approach along the surface has less than this cosine to its normal.
+const ACROSS: f64 = 0.1;
 
 /// The machine at one moment: probing or cutting a point, with the ball where a perfect cell would have it.
 ///
@@ -527,8 +529,16 @@ impl Builder<'_> {
             let point = event.point_index as usize;
             let deviation = self.nominal.deviation(self.chain, point, &latched);
             let mut pose = self.pose_at_contact(point, latched, &(approach * event.feed));
-            pose.arrived = moves.iter().map(|signs| signs[number]).collect();
             let mut row = self.row(point, Some(event.sequence));
+            // Across the surface (along the circle of a ball bar) the approach itself says from where each axis comes; positions
+            // before and after a turning point do not.
+            let passes = event.feed == 0.0 && row.normal.dot(&approach).abs() < ACROSS;
+            pose.arrived = if passes {
+                let moved = pose.sensitivity.axes.iter();
+                moved.map(|moved| side(moved.dot(&approach))).collect()
+            } else {
+                moves.iter().map(|signs| signs[number]).collect()
+            };
             row.index = self.index(&pose.positions);
             row.time = time;
             row.feed = event.feed;

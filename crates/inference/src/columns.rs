@@ -32,7 +32,7 @@ impl Rows {
     }
 
     /// Half the log-determinant of the noise correlation.
-    fn offset(&self) -> f64 {
+    pub fn offset(&self) -> f64 {
         0.5 * (self.correlated() as f64 - 1.0).max(0.0)
             * (1.0 - self.lag1_correlation * self.lag1_correlation).ln()
     }

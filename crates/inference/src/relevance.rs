@@ -20,6 +20,9 @@ const LARGEST: f64 = 30.0;
 const SMALLEST: f64 = 1e-5;
 /// Sizes of a family that are compared when it is tried.
 const SIZES: Range<i32> = -9..4;
+/// What may have any size has a usual one that is larger by this: its prior counts for less than a thousandth of a nat, and its
+/// least size stays far below the noise.
+const UNUSUAL: f64 = 100.0;
 /// Updates of the sizes at most, and the change of the log evidence (nats) that ends them.
 const ROUNDS: usize = 60;
 const SETTLED: f64 = 2e-3;
@@ -222,6 +225,11 @@ impl Products {
         }
     }
 
+    /// Least standard deviation of the noise, m.
+    pub fn floor(&self) -> f64 {
+        self.floor.sqrt()
+    }
+
     /// Number of families.
     pub fn families(&self) -> usize {
         self.spans.len() - self.usual.len()
@@ -273,13 +281,14 @@ impl Products {
         self.spans.push(known..count);
     }
 
-    /// The noise beside some families where what remains may have any size, m².
-    pub fn noise_beside(&mut self, sizes: Sizes) -> Option<f64> {
-        let usual = self.usual.clone();
-        self.usual.fill(f64::INFINITY);
-        let fit = self.fit(sizes);
-        self.usual = usual;
-        fit.map(|fit| fit.sizes.noise)
+    /// The same where what remains may have any size.
+    #[must_use]
+    pub fn with_any_remainders(&self) -> Self {
+        let mut any = self.clone();
+        for usual in &mut any.usual {
+            *usual *= UNUSUAL;
+        }
+        any
     }
 
     /// The same without the remainders: what families alone predict.
@@ -461,7 +470,7 @@ impl Products {
                 None => energy / gamma,
             };
             let (least, most) = match self.usual.get(index) {
-                Some(usual) => (SMALLEST * usual.min(1.0), f64::INFINITY),
+                Some(usual) => (SMALLEST * usual, f64::INFINITY),
                 None => (SMALLEST, LARGEST),
             };
             *variance = updated.clamp(least * least, most * most);

@@ -7,10 +7,11 @@ use std::collections::BTreeSet;
 use effects::Variant;
 use effects::discrepancy::remainders;
 use effects::observation::Observations;
-use inference::relevance::{Fit, Products, Remainder, used};
+use inference::columns::Rows;
+use inference::relevance::{Fit, Products, Remainder, over_rows, used};
 use metrology::statistics::rms;
 
-use super::pool::Pool;
+use super::pool::{PRICE, Pool};
 use super::stretches::Stretches;
 use crate::report::Effect;
 
@@ -73,6 +74,21 @@ pub(crate) struct Judged {
     pub(super) stretches: Stretches,
 }
 
+/// An effect that the first opinion names.
+pub(super) struct Named<'a> {
+    pub(super) effect: &'a str,
+    /// Over all rows, of parameters of usual size.
+    pub(super) columns: Vec<Vec<f64>>,
+}
+
+/// What is left beside known effects.
+pub(super) struct Left {
+    /// At each row, m; 0 where it is not used.
+    pub(super) part: Vec<f64>,
+    /// Standard deviation of the noise, m.
+    pub(super) noise: f64,
+}
+
 impl Judged {
     /// True where the evidence beside remainders holds each effect of a report, or one that is not told from it: another may be a
     /// part of what is not known. What depends on an axis or a temperature has shapes that are not refined here, and is not
@@ -86,6 +102,67 @@ impl Judged {
             is_shaped(&effect.effect) || group.any(|name| evident.contains(name.as_str()))
         };
         effects.iter().filter(|effect| effect.held_out).all(held)
+    }
+
+    /// Some products with the columns of named effects as families, and the fit of these alone.
+    fn with_named(&self, mut products: Products, named: &[Named<'_>]) -> Option<(Products, Fit)> {
+        let mut sizes = products.start();
+        for one in named {
+            sizes = sizes.with(products.families(), 1.0);
+            products.extend(&over_rows(&one.columns, &self.active));
+        }
+        let fit = products.fit(sizes)?;
+        Some((products, fit))
+    }
+
+    /// The fit of named effects without remainders.
+    pub(super) fn without_remainders(&self, named: &[Named<'_>]) -> Option<(Products, Fit)> {
+        self.with_named(self.bare.clone(), named)
+    }
+
+    /// True where named effects have more evidence beside remainders than the families that it holds there, each at its price.
+    pub(super) fn is_surpassed_by(&self, named: &[Named<'_>]) -> bool {
+        let families = &self.pool.families;
+        let own = self.fit.sizes.families.iter();
+        let own: f64 = own.map(|&family| families[family].price).sum();
+        let prices = named.iter().map(|one| {
+            let known = families.iter().filter(|family| family.effect == one.effect);
+            known.map(|family| family.price).fold(f64::NAN, f64::min)
+        });
+        // What is no family is a step at any touch.
+        let any = PRICE + (self.products.data().len() as f64).ln();
+        let theirs: f64 = prices
+            .map(|price| if price.is_nan() { any } else { price })
+            .sum();
+        let fit = self.with_named(self.products.clone(), named);
+        fit.is_some_and(|(_, fit)| fit.log_evidence - theirs > self.fit.log_evidence - own)
+    }
+
+    /// What is left beside named effects (the deviations `y` over all rows): remainders of any size, where they gain as much as a family must
+    /// over noise of the lag-1 correlation of `rows`.
+    pub(super) fn left_beside(&self, named: &[Named<'_>], y: &[f64], rows: &Rows) -> Option<Left> {
+        let (beside, fit) = self.with_named(self.products.with_any_remainders(), named)?;
+        let white = |values: &Vec<f64>| rows.white(values);
+        let columns: Vec<Vec<Vec<f64>>> = (named.iter())
+            .map(|one| one.columns.iter().map(white).collect())
+            .collect();
+        let y = rows.white(y);
+        let families = columns.iter().map(Vec::as_slice);
+        let noise = Products::new(&[], &[], families, &y, &vec![true; y.len()], beside.floor());
+        let alone = (0..named.len()).fold(noise.start(), |sizes, family| sizes.with(family, 1.0));
+        let alone = noise.fit(alone)?;
+        if fit.log_evidence < alone.log_evidence - rows.offset() + PRICE {
+            return None;
+        }
+        let values = beside.remainder(&fit);
+        let mut values = values.iter();
+        let mut of = |&used: &bool| if used { values.next().copied() } else { None };
+        Some(Left {
+            part: (self.active.iter())
+                .map(|used| of(used).unwrap_or(0.0))
+                .collect(),
+            noise: fit.sizes.noise.sqrt(),
+        })
     }
 
     /// True where it names a form of guideways.
@@ -153,8 +230,9 @@ impl Table<'_> {
                 break;
             }
         }
-        let (pool, mut products, fit, active) = kept?;
-        let noise = products.noise_beside(fit.sizes.clone())?.sqrt();
+        let (pool, products, fit, active) = kept?;
+        let beside = products.with_any_remainders().fit(fit.sizes.clone())?;
+        let noise = beside.sizes.noise.sqrt();
         let stretches = Stretches::new(self.observations, &active);
         let bare = products.without_remainders();
         let parts = confirm(&pool, &bare, &fit.sizes.families, &stretches)?;

@@ -123,8 +123,8 @@ enum Direction {
 enum Along {
     /// That in which the axis moves the ball.
     Axis(String),
-    /// That of two axes by these shares.
-    Axes([(String, f64); 2]),
+    /// That of two axes by these shares, read on a circle, in this sense (1: from the first towards the second).
+    Circle([(String, f64); 2], f64),
     /// A direction of the part frame.
     Part(Vector3<f64>),
 }
@@ -403,6 +403,7 @@ impl Reader<'_> {
                     return Err(row.wrong(angle, &what));
                 }
             }
+            let sense = if turn == "ccw" { 1.0 } else { -1.0 };
             before = Some((at, turn.clone()));
             let (sin, cos) = at.sin_cos();
             readings.push(Reading {
@@ -411,7 +412,7 @@ impl Reader<'_> {
                     (first.clone(), a + radius * cos),
                     (second.clone(), b + radius * sin),
                 ],
-                along: Along::Axes([(first.clone(), cos), (second.clone(), sin)]),
+                along: Along::Circle([(first.clone(), cos), (second.clone(), sin)], sense),
                 deviation: self.si(row, deviation, Quantity::Deviation)?,
                 time: self.time(row)?,
                 line: row.line,
@@ -548,11 +549,17 @@ fn session(urdf: &str, readings: &[Reading], settings: &Settings) -> Result<Impo
             moved[axis] += 1.0;
             Ok(place(&moved) - centre)
         };
-        let normal = match &one.along {
-            Along::Axis(name) => along(name)?,
-            Along::Axes([a, b]) => (along(&a.0)? * a.1 + along(&b.0)? * b.1).normalize(),
-            Along::Part(direction) => *direction,
+        let (normal, approach) = match &one.along {
+            Along::Axis(name) => (along(name)?, None),
+            Along::Circle([a, b], sense) => {
+                let (first, second) = (along(&a.0)?, along(&b.0)?);
+                let onward = (second * a.1 - first * b.1) * *sense;
+                let out = first * a.1 + second * b.1;
+                (out.normalize(), Some(onward.normalize()))
+            }
+            Along::Part(direction) => (*direction, None),
         };
+        let approach: [f64; 3] = approach.unwrap_or(-normal).into();
         let seen = centre + normal * one.deviation;
         let (seen, normal): ([f64; 3], [f64; 3]) = (seen.into(), normal.into());
         let known = inspection
@@ -587,7 +594,7 @@ fn session(urdf: &str, readings: &[Reading], settings: &Settings) -> Result<Impo
             axis_names: names,
             axis_positions: positions,
             tip: <[f64; 3]>::from(centre).into(),
-            approach: normal.map(|part| -part).into(),
+            approach: approach.into(),
             feed: 0.0,
         });
     }
@@ -646,6 +653,14 @@ mod tests {
         // 1.5 degrees, behind 358.5.
         let at = &imported.events[90].axis_positions;
         assert!((at[0] - 0.15 * 1.5_f64.to_radians().cos()).abs() < 1e-12);
+        // The approach is along the circle: there and back it is opposite.
+        for (event, next) in imported.events[..120].iter().zip(&imported.events[1..120]) {
+            let (at, on, way) = (&event.axis_positions, &next.axis_positions, &event.approach);
+            assert!((way.x * at[0] + way.y * at[1]).abs() < 1e-12);
+            assert!(way.x * (on[0] - at[0]) + way.y * (on[1] - at[1]) > 0.0);
+        }
+        let (there, back) = (&imported.events[0], &imported.events[239]);
+        assert!((there.approach.x + back.approach.x).abs() < 1e-9);
         // Twice the same angle, and 0 behind 360, go on.
         assert!(read(&[(270.0, "ccw"), (270.0, "ccw"), (360.0, "ccw"), (0.0, "ccw")]).is_ok());
         let back = read(&[(358.5, "ccw"), (1.5, "ccw"), (358.5, "ccw")]).expect_err("back");
