@@ -57,15 +57,11 @@ mod tests {
     /// The vocabulary of the interface contract (`docs/glossary.md`): a public interface, so that an identifier stays as it is.
     const CONTRACT: &str = include_str!("../tests/vocabulary.txt");
 
-    /// Of the contract, and named by no effect yet.
-    const NOT_NAMED: [&str; 1] = ["drive.saturation"];
-
     #[test]
     fn the_registry_is_the_vocabulary_of_the_contract() {
         let known: BTreeSet<&str> = all().map(Effect::id).collect();
         assert_eq!(known.len(), all().count(), "an identifier stands twice");
-        let named = CONTRACT.lines().filter(|id| !NOT_NAMED.contains(id));
-        assert_eq!(known, named.collect());
+        assert_eq!(known, CONTRACT.lines().collect());
     }
 
     /// What reads a surface with one axis has that axis's position for the deviation; a scale error, however exact, has not.

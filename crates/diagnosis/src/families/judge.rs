@@ -120,8 +120,12 @@ impl Judged {
         self.with_named(self.bare.clone(), named)
     }
 
-    /// True where named effects have more evidence beside remainders than the families that it holds there, each at its price.
+    /// True where named effects have more evidence beside remainders than the families that it holds there, each at its price; also
+    /// where one of them has a shape, which is not refined here.
     pub(super) fn is_surpassed_by(&self, named: &[Named<'_>]) -> bool {
+        if named.iter().any(|one| is_shaped(one.effect)) {
+            return true;
+        }
         let families = &self.pool.families;
         let own = self.fit.sizes.families.iter();
         let own: f64 = own.map(|&family| families[family].price).sum();
