@@ -97,18 +97,9 @@ pub(crate) fn better_of(
             let by_pose = rms(&judged.stretches.by_pose(bare, fit));
             AS_GOOD * size(&judged.left_out(judged.named.len())).rms < by_pose
         });
-    // Where families predict left-out stretches down to the noise, nothing unknown is left.
-    let unknown = matches!(
-        first.0.verdict,
-        Verdict::Unexplained | Verdict::PartlyExplained
-    );
-    let resolved = unknown
-        && quiet(AS_QUIET)
-        && own < AS_GOOD * left
-        && own < COMPLETE * judged.fit.sizes.noise.sqrt();
     // A form of guideways is a process over the place to the first, whatever its size.
     let formed = judged.has_form() && own < MISSED * left;
-    if judged.named.is_empty() || !(missed || unsupported || better || formed || resolved) {
+    if judged.named.is_empty() || !(missed || unsupported || better || formed) {
         return beside(observations, &judged, attribution, &named, first);
     }
     let (mut report, touches) = second(session, observations, &judged, &attribution.y, first.0);
