@@ -277,6 +277,54 @@ fn the_test_vectors_of_the_decision_table_hold() {
     check_corrected(19.840, -70.0, "-70.0 to -110.0");
 }
 
+/// Offsets of a tool path are gone with the driver that held them.
+#[test]
+fn the_path_of_a_new_run_of_the_driver_is_offset_from_nothing() {
+    let mut raw = RawConfig {
+        path: PathCorrection::Raw,
+        ..raw(true, false)
+    };
+    raw.characteristics[0].tool_number = None;
+    let measured = |session: &str, plan: &str| {
+        let Input::Feature(size) = result(plan, 19.8) else {
+            unreachable!("a feature")
+        };
+        let profile = FeatureResult {
+            deviations: vec![20e-6, -15e-6],
+            ..size
+        };
+        let held = ToolOffsets {
+            session: session.to_owned(),
+            ..ToolOffsets::default()
+        };
+        [Input::Offsets(held), measure(plan), Input::Feature(profile)]
+    };
+    let said = |session: &str, change: &str| {
+        let correction = format!("q/1/path/D1 approved {change} by \"policy of the cell file\"");
+        check(
+            &trusting(&raw),
+            [measured("run 1", "p/1"), measured(session, "q/1")].concat(),
+            &["D1 compensable", &correction, "recut [\"q/1/path/D1\"]"],
+        );
+    };
+    said("run 1", "20.0 to 40.0");
+    said("run 2", "0.0 to 20.0");
+}
+
+/// 1 µm of wear offset changes the size by 2 µm: 110 µm of it are 220 µm of size.
+#[test]
+fn the_limit_of_wear_counts_by_what_it_does_to_the_size() {
+    let config = trusting(&RawConfig {
+        wear_per_size: 0.5,
+        ..raw(true, false)
+    });
+    let inputs = |wear_um: f64| vec![offsets(wear_um), measure("p/1"), result("p/1", 19.835)];
+    let correction = "p/1/T2/4 approved -90.0 to -107.5 by \"policy of the cell file\"";
+    let corrected = ["D1 compensable", correction, "recut [\"p/1/T2/4\"]"];
+    check(&config, inputs(-90.0), &corrected);
+    check(&config, inputs(-100.0), &["D1 tool worn", "stop []"]);
+}
+
 #[test]
 fn a_bore_is_corrected_the_other_way() {
     let inputs = vec![offsets(0.0), measure("p/1"), result("p/1", 19.785)];
@@ -430,6 +478,36 @@ fn a_proposed_correction_is_approved_once_by_somebody_with_a_name() {
         &config,
         with(vec![measure("p/2"), answer("Ada", true)]),
         &[unknown],
+    );
+}
+
+/// Two diameters cut by two tools: who rejects one correction ends the part, and the other one is void.
+#[test]
+fn a_rejection_voids_what_else_was_proposed_for_the_part() {
+    let mut raw = raw(false, false);
+    let mut second = raw.characteristics[0].clone();
+    (second.id, second.tool_number) = ("D2".to_owned(), Some(3));
+    raw.characteristics.push(second);
+    let held = Input::Offsets(ToolOffsets {
+        session: "run 1".to_owned(),
+        tool_numbers: vec![2, 3],
+        wear: vec![0.0; 2],
+        ..ToolOffsets::default()
+    });
+    let mut other = result("p/1", 19.83);
+    if let Input::Feature(one) = &mut other {
+        one.feature_id = "D2".to_owned();
+    }
+    let mut late = answer("Ada", true);
+    if let Input::Approval(one) = &mut late {
+        one.subject = "p/1/T3/4".to_owned();
+    }
+    let measured = vec![held, measure("p/1"), result("p/1", 19.83), other];
+    let answered = vec![answer("Ada", false), late];
+    check(
+        &trusting(&raw),
+        measured.into_iter().chain(answered).collect(),
+        &["refused: correction \"p/1/T3/4\" is void: its part has ended"],
     );
 }
 

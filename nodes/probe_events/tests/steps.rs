@@ -132,6 +132,14 @@ fn a_trigger_waits_for_its_plan() {
     );
 }
 
+/// A trigger that is dropped is a touch that is lost.
+#[test]
+fn more_triggers_than_can_wait_for_their_plan_are_a_fault() {
+    let waiting = |count: usize| vec![Input::Trigger(trigger("a", 0, 0.003)); count];
+    check(waiting(4096), &[]);
+    check(waiting(4097), &["trigger_not_usable"]);
+}
+
 #[test]
 fn one_miss_is_a_warning_two_in_a_row_are_a_dead_probe_and_a_touch_between_them_is_not() {
     check(
@@ -202,6 +210,29 @@ fn a_trigger_with_unusable_axes_or_point_makes_no_event() {
             "4 point 0 touched at 0.0030",
         ],
     );
+}
+
+/// Instant and feed are those of the move that was made, though it ran at another feed and its end comes late.
+#[test]
+fn a_touch_tells_when_and_at_what_feed_it_was_made() {
+    let config = Config {
+        chain: Chain::from_urdf(ROBOT).expect("a chain"),
+    };
+    let mut state = ProbeEventsNode::start(&config);
+    let mut out = Outbox::default();
+    let made = ProbeTrigger {
+        header: Stamp(7).header(""),
+        feed: 2e-3,
+        ..trigger("a", 0, 0.003)
+    };
+    for input in [plan("a"), Input::Trigger(made)] {
+        ProbeEventsNode::step(&config, &mut state, Stamp(9), input, &mut out);
+    }
+    let [Output::Event(event)] = out.messages() else {
+        panic!("one event");
+    };
+    let told = (&event.header, event.feed);
+    assert_eq!(told, (&Stamp(7).header("part"), 2e-3));
 }
 
 /// Found by seed 13 of `fault_world`: a link delivered a trigger a second time, and there were two touches of one number.

@@ -112,9 +112,14 @@ fn without_work_offsets_the_bore_lies_off_by_as_much_as_the_part() {
 fn a_part_that_offsets_cannot_put_right_stops_and_nothing_is_written() {
     let turned = clamped([50.0, 0.0, 0.0], [0.0, 0.0, 2000.0]);
     let far = clamped([1400.0, 0.0, 0.0], [0.0; 3]);
+    let far_back = made(|text| {
+        let text = text.replace("limit_mm = 1.0", "limit_mm = 0.5");
+        text.replace("[310.0, -180.0, 95.0]", "[-640.0, 0.0, 0.0]")
+    });
     for (session, why) in [
         (turned, "µrad: clamp it again"),
         (far, "µm, beyond ±1000.0 µm"),
+        (far_back, "µm, beyond ±500.0 µm"),
     ] {
         let report: PartReport = session.last(topics::PART_REPORTS);
         assert_eq!(report.verdict, PartReport::STOPPED);

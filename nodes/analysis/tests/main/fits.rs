@@ -2,7 +2,7 @@
 //! against the scatter of simulated measurements.
 
 use analysis::{
-    AnalysisNode, Config, Input, Output, RawAlignment, RawConfig, RawFit, feature::Criterion,
+    AnalysisNode, Config, Input, Output, RawAlignment, RawConfig, RawFit, State, feature::Criterion,
 };
 use graph::{Node, Outbox, Stamp};
 use machine::Chain;
@@ -171,11 +171,27 @@ fn measured(
     config: &Config,
     plan: &InspectionPlan,
     order: impl Iterator<Item = usize>,
+    excess: impl FnMut(usize, Vector3<f64>, Vector3<f64>) -> f64,
+) -> Vec<Output> {
+    measured_next(
+        config,
+        &mut AnalysisNode::start(config),
+        plan,
+        order,
+        excess,
+    )
+}
+
+/// The same after what was measured before.
+fn measured_next(
+    config: &Config,
+    state: &mut State,
+    plan: &InspectionPlan,
+    order: impl Iterator<Item = usize>,
     mut excess: impl FnMut(usize, Vector3<f64>, Vector3<f64>) -> f64,
 ) -> Vec<Output> {
-    let mut state = AnalysisNode::start(config);
     let mut out = Outbox::default();
-    let mut step = |input| AnalysisNode::step(config, &mut state, Stamp(0), input, &mut out);
+    let mut step = |input| AnalysisNode::step(config, state, Stamp(0), input, &mut out);
     step(Input::Plan(plan.clone()));
     for (sequence, index) in order.enumerate() {
         let point = &plan.points[index];
@@ -237,6 +253,20 @@ fn each_criterion_gives_the_size_that_it_is_defined_by() {
         assert_eq!(result.criterion, criterion.code());
         assert!(result.position < 1e-9 && result.orientation < 1e-6);
     }
+}
+
+/// Three touches at each of two heights also lie on a cylinder of 24 mm that runs across the bore.
+#[test]
+fn a_cylinder_that_is_not_the_plans_is_no_answer() {
+    let plan = plan(&[bore("bore", Vector3::zeros(), 3)]);
+    let said = measured(&config(|_| {}), &plan, 0..6, |_, _, _| 0.0);
+    let result = &results(&said)[0];
+    assert!((result.size - 20e-3).abs() < 1e-9, "{:e}", result.size);
+    assert!(
+        result.text.starts_with("touches do not determine"),
+        "{}",
+        result.text
+    );
 }
 
 /// A cone that stands out by 5 µm everywhere along its normals has grown by 10 µm over the cosine of its half angle, from
@@ -462,6 +492,19 @@ fn an_aligned_part_is_told_where_it_lies_and_its_features_in_its_own_frame() {
     }
 }
 
+/// The part may have been clamped again: the bore waits for the datums of its own plan.
+#[test]
+fn a_new_plan_forgets_where_the_part_lay() {
+    let plan = plan(&block());
+    let config = config(aligned_by(&["A", "B", "C"], &[]));
+    let mut state = AnalysisNode::start(&config);
+    let exact = |_: usize, _, _| 0.0;
+    let all = measured_next(&config, &mut state, &plan, 0..plan.points.len(), exact);
+    assert_eq!(results(&all).len(), 5);
+    let bore = measured_next(&config, &mut state, &plan, 27..47, exact);
+    assert!(results(&bore).is_empty());
+}
+
 #[test]
 fn the_uncertainty_of_an_alignment_is_its_scatter_and_goes_on_into_what_is_aligned() {
     let plan = plan(&block());
@@ -504,6 +547,27 @@ fn the_uncertainty_of_an_alignment_is_its_scatter_and_goes_on_into_what_is_align
             assert!((ratio - 1.0).abs() < 0.2, "{which}: {ratio:.3}");
         }
     }
+}
+
+/// What the alignment adds depends on how the feature lies to the datums.
+#[test]
+fn the_uncertainty_of_a_position_does_not_depend_on_where_the_part_has_its_origin() {
+    let config = config(aligned_by(&["A", "B", "C"], &[]));
+    let stated = |by: Vector3<f64>| {
+        let mut features = block();
+        for one in &mut features {
+            let at = &one.feature.origin;
+            one.feature.origin = ros_point(Vector3::new(at.x, at.y, at.z) + by);
+            one.touches.iter_mut().for_each(|(place, _)| *place += by);
+        }
+        let plan = plan(&features);
+        let touch = |index: usize, _, n: Vector3<f64>| if index >= 47 { n.x * 1e-4 } else { 0.0 };
+        let said = measured(&config, &plan, 0..plan.points.len(), touch);
+        results(&said).pop().expect("the ball").position_uncertainty
+    };
+    let here = stated(Vector3::zeros());
+    let there = stated(Vector3::new(100e-3, -50e-3, 80e-3));
+    assert!((here - there).abs() < 0.01 * here, "{here:e} {there:e}");
 }
 
 #[test]

@@ -200,6 +200,15 @@ fn a_late_status_of_the_recorder_does_not_bring_the_recording_back() {
     assert_eq!(gate.cut(31.1, 7).0, OperationReport::UNDERWAY);
 }
 
+#[test]
+fn a_request_that_comes_after_a_newer_one_begins_nothing() {
+    let mut gate = Gate::new();
+    assert_eq!(gate.cut(0.5, 7).0, OperationReport::UNDERWAY);
+    gate.state.operation = None;
+    let said = gate.step(0.6, request(0.4, 6, OperationRequest::CUT));
+    assert!(said.is_empty(), "{said:?}");
+}
+
 /// Over DDS on a loaded machine the request to cut came before the first report of the recorder, and the part was given up.
 #[test]
 fn a_gate_that_has_just_started_waits_for_the_recorder() {

@@ -736,6 +736,26 @@ fn a_new_run_of_the_driver_voids_what_was_measured_and_what_was_under_way() {
     );
 }
 
+/// A correction that is computed after the restart names the new session, though its plan was measured in the one before.
+#[test]
+fn what_an_earlier_run_of_the_driver_measured_entitles_to_no_correction_in_this_one() {
+    let session = "run 2".to_owned();
+    let restarted = Input::Status(ControllerStatus {
+        session: session.clone(),
+        ..sample()
+    });
+    let of_this_run = Correction {
+        session,
+        ..correction()
+    };
+    let refused = format!(
+        "c outcome {}: plan \"p/1\" was not measured on this machine in this session",
+        Ack::REFUSED_NO_SOURCE
+    );
+    let inputs = vec![restarted, Input::Correction(of_this_run)];
+    check(with(measured(), inputs), &[&refused]);
+}
+
 /// Faults, commands and refusals that an input of that instant, in ms, leads to.
 fn told(state: &mut machine_state::State, at_ms: i64, input: Input) -> Vec<String> {
     let mut out = Outbox::default();

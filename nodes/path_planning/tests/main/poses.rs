@@ -2,7 +2,7 @@
 
 use machine::Chain;
 use path_planning::{Config, OrderRequest, Planned, PlanningError, RawConfig, Task, part::RawPart};
-use probecell_msgs::InspectionPlan;
+use probecell_msgs::{InspectionPlan, ProbingMove};
 
 /// A table that turns the part about Z, and a probe on three axes whose ball's centre is the mount's origin.
 const ROBOT: &str = r#"<robot name="xyzc"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
@@ -431,6 +431,40 @@ fn lists_that_cannot_be_used_are_told_with_their_place() {
     }
 }
 
+/// Two touches of one face: while the table turns, what stands beside the face may come into a straight way.
+#[test]
+fn between_two_poses_the_way_leads_over_the_clear_position() {
+    let text = r#"
+        id = "face"
+        rotary_axes = ["C"]
+        approach_mm = 1.0
+        retract_mm = 2.0
+        feed_mm_per_min = 300.0
+        stylus = { id = "s", ball_center_mm = [0.0, 0.0, 0.0], ball_radius_mm = 2.0 }
+        [[features]]
+        id = "top"
+        kind = "plane"
+        axis = [0.0, 0.0, 1.0]
+        tolerance_um = [-10.0, 10.0]
+        touch_points_mm = [[20.0, 0.0, 0.0], [-20.0, 0.0, 0.0]]
+        "#;
+    let settings = RawConfig {
+        clearance_axis: "Z".to_owned(),
+        clearance_mm: CLEAR * 1e3,
+        ..RawConfig::default()
+    };
+    let config = checked(text, ROBOT, &settings).expect("a part");
+    // Before the first touch, between both, and after the last.
+    for (turn, clear) in [(0.0, 2), (1.0, 4)] {
+        let mut plan = config.part.plan(0.0);
+        plan.points[1].rotary_positions = vec![turn];
+        let order = config.rules().order(&plan, &[]).expect("in reach");
+        let moves = order.moves.iter();
+        let over = moves.filter(|one| one.kind == ProbingMove::CLEARANCE);
+        assert_eq!(over.count(), clear, "{turn} rad");
+    }
+}
+
 /// With a stem, a face cannot be touched through the part, however near that pose is.
 #[test]
 fn a_pose_at_which_the_stem_would_go_through_the_part_is_left_out() {
@@ -474,19 +508,28 @@ fn a_pose_at_which_the_stem_would_go_through_the_part_is_left_out() {
         face("right", 1.0, touches),
         face("left", -1.0, touches)
     );
-    let config = checked(&text, urdf, &RawConfig::default()).expect("a part");
-    let found = planned(&config).expect("a plan");
-    let order = &found.order;
-    assert!(
-        order.air_time <= order.given_air_time,
-        "{} {}",
-        order.air_time,
-        order.given_air_time
-    );
-    for point in &found.plan.points {
-        let tilt = point.rotary_positions[0].to_degrees().round() as i64;
-        let through = [90, -90, i64::MAX][point.feature as usize];
-        assert_ne!(tilt, through, "feature {}", point.feature);
+    // Where an axis goes clear there are ways to every pose, and without the upright one those through the part are nearest.
+    let over = RawConfig {
+        clearance_axis: "Z".to_owned(),
+        clearance_mm: 300.0,
+        ..RawConfig::default()
+    };
+    let tilted = text.replace(", [0.0, 0.0, 0.0]]", "]");
+    for (text, settings) in [(text, RawConfig::default()), (tilted, over)] {
+        let config = checked(&text, urdf, &settings).expect("a part");
+        let found = planned(&config).expect("a plan");
+        let order = &found.order;
+        assert!(
+            order.air_time <= order.given_air_time,
+            "{} {}",
+            order.air_time,
+            order.given_air_time
+        );
+        for point in &found.plan.points {
+            let tilt = point.rotary_positions[0].to_degrees().round() as i64;
+            let through = [90, -90, i64::MAX][point.feature as usize];
+            assert_ne!(tilt, through, "feature {}", point.feature);
+        }
     }
 }
 

@@ -19,6 +19,11 @@ const ROBOT: &str = r#"<robot name="xyzc"><link name="foundation"/><link name="w
 
 /// A shaft of `radius_mm` touched at four places on its +X side.
 fn config(radius_mm: f64) -> Config {
+    round("cylinder", radius_mm)
+}
+
+/// The same of that kind of feature.
+fn round(kind: &str, radius_mm: f64) -> Config {
     let text = format!(
         r#"
         id = "shaft"
@@ -36,7 +41,7 @@ fn config(radius_mm: f64) -> Config {
         feed_mm_per_min = 700.0
         [[features]]
         id = "D"
-        kind = "cylinder"
+        kind = "{kind}"
         origin_mm = [0.0, 0.0, 0.0]
         axis = [0.0, 0.0, 1.0]
         radius_mm = {radius_mm}
@@ -169,6 +174,19 @@ fn a_measurement_is_planned_on_the_sizes_of_its_pass_in_the_shortest_order() {
     for (pass, radius) in [(0, "10.25"), (1, "10.00")] {
         let expected = order(radius);
         check(&config(10.0), measure(pass), &[&expected[0], &expected[1]]);
+    }
+}
+
+/// 0.5 mm on the diameter; each touch lies on the surface that is there.
+#[test]
+fn what_a_pass_leaves_makes_a_shaft_thicker_and_a_bore_narrower() {
+    for (kind, radius) in [("cylinder", 10.25e-3), ("bore", 9.75e-3)] {
+        let plan = round(kind, 10.0).part.plan(0.5e-3);
+        assert!((plan.features[0].radius - radius).abs() < 1e-12, "{kind}");
+        for point in &plan.points {
+            let from_axis = point.position.x.hypot(point.position.y);
+            assert!((from_axis - radius).abs() < 1e-12, "{kind}");
+        }
     }
 }
 

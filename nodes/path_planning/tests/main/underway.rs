@@ -336,6 +336,19 @@ fn a_cut_ends_the_work_on_further_touches() {
     assert!(node.state.further.is_some());
 }
 
+#[test]
+fn what_was_measured_before_a_cut_is_not_measured_on() {
+    let mut node = Running::new();
+    node.take(measure());
+    node.finish();
+    node.take(request(OperationRequest::CUT, 6, ""));
+    let said = node.take(wish("p/1", &[]));
+    assert!(
+        words(&said)[0].starts_with("false: plan \"p/1\" has been measured and cannot be resumed"),
+        "{said:?}"
+    );
+}
+
 /// Points are wanted again when the answer says so, not before.
 #[test]
 fn what_is_left_of_a_measurement_is_planned_in_stretches_too() {
