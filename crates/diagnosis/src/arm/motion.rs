@@ -16,15 +16,13 @@ use crate::report::ParameterEstimate;
 
 /// A cause must shrink what is left of the left-out stretches by this share: as a length or angle over all joints, or joint by
 /// joint over its gap,
-const WORTH: f64 = 0.05;
-/// and in neither way let it grow by more than this share.
+const WORTH: f64 = 0.1;
+/// in neither way let it grow by more than this share, and shrink what is left of the judging sessions by as much.
 const GROWS: f64 = 0.05;
 /// Causes whose left-out rms differs by less than this share are not told apart.
 const CLOSE: f64 = 0.02;
-/// Parts of a session that are left out in turn, and stretches of time of each: of a motion that grows faster every part has seen
-/// the fast one.
+/// Stretches of time that are left out in turn.
 const FOLDS: usize = 5;
-const STRETCHES: usize = 4;
 /// Most samples of a session; others are averaged.
 const MOST_SAMPLES: usize = 3_000;
 /// A joint that goes over less than this share of the longest way of its kind does not move.
@@ -319,14 +317,15 @@ impl<'a> Motions<'a> {
         {
             let tried = self.tried(&last.model);
             let mut found = None;
+            let most = (1.0 - GROWS) * size(&last.left);
             while let Some(one) = self.next(last, &tried, &refused) {
-                if size(&one.left) <= size(&last.left) {
+                if size(&one.left) <= most {
                     found = Some(vec![one]);
                     break;
                 }
-                // What makes another motion worse is no cause, unless with the next one it makes it better.
+                // What does not help another motion is no cause, unless with the next one it does.
                 let two = self.next(&one, &self.tried(&one.model), &refused);
-                if let Some(two) = two.filter(|two| size(&two.left) <= size(&last.left)) {
+                if let Some(two) = two.filter(|two| size(&two.left) <= most) {
                     found = Some(vec![one, two]);
                     break;
                 }
@@ -605,7 +604,7 @@ impl<'a> Motions<'a> {
 
 /// Part of a session that a sample is left out with, of so many.
 fn fold(sample: usize, count: usize) -> usize {
-    sample * FOLDS * STRETCHES / count.max(1) % FOLDS
+    sample * FOLDS / count.max(1)
 }
 
 /// What a function makes of each number, over the processor's cores.
