@@ -167,6 +167,7 @@ results("point_that_is_not_there", "AXES X Y Z\nTOUCH 1 99 1. 2. 3.\n", "point 9
 results("axis_that_is_not_there", "AXES X Y C\nTOUCH 1 0 1. 2. 3.\n", "no axis C", command=f"results {{}} --plan {ROOT}/launch-scripts/linuxcnc_bore.toml")
 
 
+@case("statu {}", 2, "there is no command statu")
 @case("results {}", 2, "not a regular file")
 def results_of_a_device(_):
     return "/dev/zero"

@@ -39,10 +39,13 @@ TILE = """(tile) => { const one = document.querySelector(tile); return {
 
 
 def newest_touches(sample):
-    """Deviation (m) of the newest touch of each point of the plan measured last, by its twin."""
+    """Deviation (m) of the newest touch of each point of the plan measured last, by its feature and its place there, by its twin."""
+    plan, places, made = twin(sample, "inspection_plan")[-1][1], [], {}
+    for point in plan["points"]:
+        made[point["feature"]] = made.get(point["feature"], 0) + 1
+        places.append((plan["features"][point["feature"]]["id"], made[point["feature"]]))
     touches = [one for _, one in twin(sample, "touch_deviations")]
-    last = twin(sample, "inspection_plan")[-1][1]["plan_id"]
-    return {one["point_index"]: one["deviation"] for one in touches if one["plan_id"] == last}
+    return {places[one["point_index"]]: one["deviation"] for one in touches if one["plan_id"] == plan["plan_id"]}
 
 
 def drawn(told, published):
@@ -223,13 +226,15 @@ def recordings(browser, folder, recorded):
             found = json.loads(gap["json"])["effects"]
             assert all(effect["effect"] in page.inner_text("section[aria-labelledby=effects-title]") for effect in found), found
         print("machine: two recordings, with the gap and the effects that their twins have")
-        page.goto(f"http://{ADDRESS}/compare?a=punch.mcap&b=punch_uncalibrated.mcap")
+        page.goto(f"http://{ADDRESS}/compare?a=guideway.mcap&b=guideway_straight.mcap")
         table = urllib.parse.unquote(page.get_attribute("a[download='touches.csv']", "href").split(",", 1)[1])
-        drawn = [[float(value) for value in row.split(",")[2:]] for row in table.splitlines()[1:]]
-        ends = [newest_touches(sample) for sample in ("punch", "punch_uncalibrated")]
-        both = sorted([one * 1e6 for one in (ends[0][point], ends[1][point])] for point in ends[0].keys() & ends[1].keys())
-        assert len(both) > 20 and len(drawn) == len(both), (len(drawn), len(both))
-        assert all(abs(a - b) < 0.01 for got, told in zip(sorted(drawn), both) for a, b in zip(got, told)), (drawn[:3], both[:3])
+        rows = [row.split(",") for row in table.splitlines()[1:]]
+        drawn = {(row[0], int(row[1])): [float(value) for value in row[2:]] for row in rows}
+        a, b = (newest_touches(sample) for sample in ("guideway", "guideway_straight"))
+        both = {point: [1e6 * a[point], 1e6 * b[point]] for point in a.keys() & b.keys()}
+        assert len(both) > 20 and drawn.keys() == both.keys(), (len(drawn), len(both))
+        assert sum(abs(one - other) > 1 for one, other in both.values()) > 5, both
+        assert all(abs(one - other) < 0.01 for point in both for one, other in zip(drawn[point], both[point])), (drawn, both)
         assert page.locator("section[aria-labelledby=touches-title] circle").count() == 2 * len(both)
         print(f"compare: {len(both)} touches of two sessions over one another, as their twins have them")
     for path in ("/session/..%2f..%2fetc%2fpasswd", "/session/linked.mcap", "/session/%2e%2e", "/session/secret.mcap/mcap/0", "/session/punch.mcap/mcap/7", "/assets/..%2f..%2fCargo.toml"):

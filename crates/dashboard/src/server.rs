@@ -92,7 +92,10 @@ async fn answered(shared: Shared, request: Request) -> Response {
     shared.live.look().await;
     let path = request.uri().path().to_owned();
     let Some(parts) = parts(&path) else {
-        return told(StatusCode::BAD_REQUEST, "this address is not UTF-8\n");
+        return told(
+            StatusCode::BAD_REQUEST,
+            "the path of this address is not UTF-8\n",
+        );
     };
     let parts: Vec<&str> = parts.iter().map(AsRef::as_ref).collect();
     let acts = matches!(parts[..], ["act"] | ["act", "offer"]);
@@ -150,7 +153,7 @@ async fn shown(shared: Shared, parts: &[&str], request: &Request) -> Result<Resp
             Ok(index) => download(shared, name.to_owned(), index).await,
             Err(_) => {
                 return Err(format!(
-                    "the number of a file is asked for, not {index:?}\n"
+                    "the number of a file of the recording is expected, not {index:?}\n"
                 ));
             }
         },

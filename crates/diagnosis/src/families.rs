@@ -84,7 +84,7 @@ pub(crate) fn better_of(
     let closed = ladder.is_some_and(closes) && own < MISSED * gap;
     let found = own < FOUND * gap && quiet(QUIET);
     let missed = left > MISSED * gap && (closed || found);
-    // What the first explains down to the noise, the second must predict as well, unless it has more evidence.
+    // What the first explains down to the noise stands where the second predicts it less well and has less evidence.
     let complete = left < COMPLETE * first.0.gap.noise_floor
         && own > AS_GOOD * left
         && judged.is_surpassed_by(&named);

@@ -3,7 +3,8 @@
 //! The standard deviation s of a stable process is the mean moving range over 1.128, its limits x̄ ± 3 s (Shewhart chart of single
 //! values, ISO 7870-2:2013). The exponentially weighted moving average (EWMA, ISO 7870-6:2016) z ← z + 0.2 (x − z), begun at x̄,
 //! finds small lasting shifts: its limits are x̄ ± 2.962 s √(0.2/1.8 (1 − 0.8²ⁱ)) at the i-th part, with one false alarm in 500 parts
-//! (Lucas and Saccucci, *Technometrics* 32, 1990, 1–12). Lengths in m.
+//! (Lucas and Saccucci, *Technometrics* 32, 1990, 1–12). Where a mean has changed, the most likely place of a single step tells from
+//! when on (Hinkley, *Biometrika* 57, 1970, 1–17). Lengths in m.
 
 use crate::capability::FEWEST;
 
@@ -27,6 +28,8 @@ pub struct Control {
     pub beyond: Vec<usize>,
     /// Places where the average is beyond its limits.
     pub shifted: Vec<usize>,
+    /// Place of the first value after the most likely single step of the mean.
+    pub step: usize,
 }
 
 impl Control {
@@ -68,10 +71,27 @@ fn against(values: &[f64], centre: f64, deviation: f64) -> Control {
     Control {
         beyond: places(&|at| (values[at] - centre).abs() > 3.0 * deviation),
         shifted: places(&|at| (averages[at] - centre).abs() > half(at)),
+        step: step(values),
         centre,
         deviation,
         averages,
     }
+}
+
+/// The place before which and from which on the means differ most, in their standard deviation.
+fn step(values: &[f64]) -> usize {
+    let (count, sum) = (values.len() as f64, values.iter().sum::<f64>());
+    let (mut before, mut best) = (0.0, (0, 0.0));
+    for at in 1..values.len() {
+        before += values[at - 1];
+        let (first, second) = (at as f64, count - at as f64);
+        let apart =
+            (before / first - (sum - before) / second).abs() * (first * second / count).sqrt();
+        if apart > best.1 {
+            best = (at, apart);
+        }
+    }
+    best.0
 }
 
 #[cfg(test)]
@@ -126,6 +146,7 @@ mod tests {
         let values: Vec<f64> = (0..40).map(step).collect();
         let found = control(&values).unwrap();
         assert!(!found.is_stable());
+        assert_eq!(found.step, 20);
         assert!(control(&values[..7]).is_none());
         assert!(control(&[1e-6; 12]).is_none());
         let calm: Vec<f64> = (0..40).map(wander).collect();

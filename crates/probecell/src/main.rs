@@ -84,10 +84,10 @@ fn main() -> ExitCode {
     let arguments = Arguments::from_arg_matches(&matches);
     let command = match arguments.map(|arguments| arguments.command) {
         Ok(Command::External(own)) if !commands::external::is_command(&own[0]) => {
-            // Refused with the commands that are like it.
-            let known = Arguments::command().allow_external_subcommands(false);
-            known.get_matches_from(&words);
-            return ExitCode::from(BAD_INPUT);
+            let text = format!("there is no command {}", own[0].to_string_lossy());
+            Arguments::command()
+                .error(clap::error::ErrorKind::InvalidSubcommand, text)
+                .exit()
         }
         Ok(command) => command,
         Err(error) => error.exit(),

@@ -8,6 +8,8 @@
 //! | [`damage`] | a warning for each damage of a recording, and the exit status that follows |
 //! | [`exit`] | the status of a program, from what its `run` returns |
 //!
+//! [`cell_stream`] reads and writes what a cell publishes as lines of JSON on a pipe.
+//!
 //! Characters that would move a cursor, ring a bell or turn the direction of writing are shown escaped.
 
 #![expect(clippy::print_stderr, reason = "this crate is the terminal")]

@@ -61,7 +61,12 @@ async fn answered<Q: DeserializeOwned + Send + 'static, A: Serialize + Send + 's
         Err(error) if error.is::<LengthLimitError>() => {
             return refused(StatusCode::PAYLOAD_TOO_LARGE, "an act is shorter than this");
         }
-        Err(error) => return refused(StatusCode::BAD_REQUEST, &format!("no whole act: {error}")),
+        Err(error) => {
+            return refused(
+                StatusCode::BAD_REQUEST,
+                &format!("the act did not arrive whole: {error}"),
+            );
+        }
     };
     let asked: Q = match serde_json::from_slice(&body) {
         Ok(asked) => asked,

@@ -78,5 +78,5 @@ pub(super) fn parts(path: &str) -> Option<Vec<Cow<'_, str>>> {
 pub(super) fn query<Q: DeserializeOwned>(request: &Request) -> Result<Q, String> {
     let text = request.uri().query().unwrap_or_default();
     serde_urlencoded::from_str(text)
-        .map_err(|error| format!("this address asks wrongly: {error}\n"))
+        .map_err(|error| format!("the query of this address cannot be read: {error}\n"))
 }

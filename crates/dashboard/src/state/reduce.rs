@@ -161,7 +161,10 @@ impl CellState {
         self.trends
             .retain(|name, _| values.contains_key(name.as_str()));
         for (name, value) in values.into_iter().filter(|(_, value)| value.is_finite()) {
-            self.trends.entry(name.to_owned()).or_default().value = value;
+            match self.trends.get_mut(name) {
+                Some(trend) => trend.value = value,
+                None => self.trends.entry(name.to_owned()).or_default().value = value,
+            }
         }
     }
 

@@ -150,8 +150,8 @@ fn stability(of: &Control, parts: &[&RunChartPoint]) -> Markup {
     let run = |at: usize| parts.get(at).map_or("", |one| one.run.as_str());
     let half = um(3.0 * of.deviation);
     html! {
-        @if let Some(first) = of.shifted.first() {
-            p.index { b { "Not stable:" } " the mean has shifted, seen first at " (run(*first)) "; single parts scatter by ±" (half) " µm." }
+        @if !of.shifted.is_empty() {
+            p.index { b { "Not stable:" } " the mean has shifted, most likely with " (run(of.step)) "; single parts scatter by ±" (half) " µm." }
         } @else if let Some(first) = of.beyond.first() {
             p.index { b { "Not stable:" } " " (counted(of.beyond.len(), "part")) " beyond ±" (half) " µm, first " (run(*first)) "." }
         } @else {

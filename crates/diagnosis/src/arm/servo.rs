@@ -1,8 +1,7 @@
 //! A position-controlled joint: what it does on a command, simulated from the command alone.
 //!
 //! The command u arrives late (dead time τ), scaled by 1 + s; a servo that limits its acceleration follows it as fast as it can
-//! still stop at it. The controller is proportional, without integral part; all over its
-//! stiffness, the joint obeys m q̈ + T q̇ = (1 + s) u + c − q − friction, with its inertia m (s²) and its damping T (s). It hangs
+//! still stop at it. The controller is proportional, without integral part; all over its stiffness, the joint obeys m q̈ + T q̇ = (1 + s) u + c − q − friction, with its inertia m (s²) and its damping T (s). It hangs
 //! by c = Cθ under the weight that it carries, and where the tip presses on something lower than z it yields by as much of the
 //! depth as the lever of the tip allows. Friction takes what it can up to h = r (1 + λ(|g| − 1)), g the weight over its mean
 //! (Armstrong-Hélouvry, Dupont and Canudas de Wit 1994): without m and T it is a play of half width h (Krasnosel'skiĭ and
@@ -99,8 +98,8 @@ pub(super) const CAUSES: [Cause; 9] = [
 ];
 
 /// Places of the parameters: dead time, time constant, inertia, half width, its dependence on load, scale, share of the depth by
-/// which the joint yields to a contact and its height, inverse of the largest acceleration, then those of the droop: a constant, by weight, by acceleration, and by the
-/// masses of the links.
+/// which the joint yields to a contact and its height, inverse of the largest acceleration, then those of the droop: a constant, by
+/// weight, by acceleration, and by the masses of the links.
 const DEAD_TIME: usize = 0;
 const TIME_CONSTANT: usize = 1;
 const INERTIA: usize = 2;

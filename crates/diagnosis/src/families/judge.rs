@@ -142,8 +142,8 @@ impl Judged {
         fit.is_some_and(|(_, fit)| fit.log_evidence - theirs > self.fit.log_evidence - own)
     }
 
-    /// What is left beside named effects (the deviations `y` over all rows): remainders of any size, where they gain as much as a family must
-    /// over noise of the lag-1 correlation of `rows`.
+    /// What is left of the deviations `y` (over all rows) beside named effects: remainders of any size, where they gain as much as
+    /// a family must over noise of the lag-1 correlation of `rows`.
     pub(super) fn left_beside(&self, named: &[Named<'_>], y: &[f64], rows: &Rows) -> Option<Left> {
         let (beside, fit) = self.with_named(self.products.with_any_remainders(), named)?;
         let white = |values: &Vec<f64>| rows.white(values);
