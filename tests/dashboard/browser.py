@@ -190,7 +190,7 @@ def recordings(browser, folder, recorded):
     """Samples, and what the cells above recorded."""
     shown = folder / "shown"
     shown.mkdir()
-    for sample in ("punch", "punch_uncalibrated", "ball_check"):
+    for sample in ("punch", "punch_uncalibrated", "ball_check", "guideway", "guideway_straight"):
         shutil.copy(SAMPLES / f"{sample}.mcap", shown)
     (folder / "secret.mcap").write_bytes((SAMPLES / "punch.mcap").read_bytes())
     (shown / "linked.mcap").symlink_to(folder / "secret.mcap")
