@@ -235,7 +235,7 @@ const MAX_TURNING: usize = 10_000;
 const MAX_COMMON: usize = 1_000;
 
 /// Most touches of a measurement that are read: of more, runs of successive ones that are spread evenly over it.
-const MOST_EVENTS: usize = 100_000;
+const MOST_EVENTS: usize = 25_000;
 const RUN: usize = 32;
 
 /// True of the numbers below `count` that are read: by the multiples of the golden ratio, whatever the period of the pattern that is

@@ -117,7 +117,7 @@ fn of_very_many_touches_some_are_read_evenly_spread() {
         |plan: &str| Session::read_measurement(&bag, &Measurement::Named(plan.to_owned())).unwrap();
     let (many, few) = (read("p"), read("q"));
     assert_eq!((few.events.len(), few.left_out), (6, 0));
-    assert!(many.events.len().abs_diff(100_000) < 100);
+    assert!(many.events.len().abs_diff(25_000) < 100);
     assert_eq!(many.events.len() + many.left_out, 120_000);
     let mut numbers = many.events.iter().map(|event| event.message.sequence);
     assert!(numbers.clone().is_sorted());
@@ -128,7 +128,7 @@ fn of_very_many_touches_some_are_read_evenly_spread() {
     assert!(
         tenths
             .iter()
-            .all(|count: &usize| count.abs_diff(10_000) < 200),
+            .all(|count: &usize| count.abs_diff(2_500) < 200),
         "{tenths:?}"
     );
     let mut all = Vec::new();

@@ -18,7 +18,7 @@ use crate::session::{self, Session, SessionError, seconds};
 /// Fewest touches that are diagnosed.
 const FEWEST: usize = 6;
 /// Most touches of a session that become rows: more determine no parameter better than the model holds.
-const MOST: usize = 25_000;
+const MOST: usize = 10_000;
 /// An axis reads a surface whose normal it is along by more than this cosine; its position is the deviation where their squared
 /// correlation is more than this.
 const ALONG: f64 = 0.7;

@@ -4,6 +4,8 @@
 //! positions alone, never from the tip the controller computed. A plan and its events are checked here, since this is
 //! where their numbers first meet a formula.
 
+use std::ops::Range;
+
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
 use probecell_msgs::{InspectionFeature, InspectionPlan, ProbeEvent, geometry_msgs};
 
@@ -118,6 +120,21 @@ impl Nominal {
     /// # Errors
     /// [`DeviationError`] names the number that is unusable.
     pub fn from_plan(plan: &InspectionPlan) -> Result<Self, DeviationError> {
+        Self::of_points(plan, 0..plan.points.len())
+    }
+
+    /// The same of one point, which has index 0 here: the work does not grow with the plan.
+    ///
+    /// # Errors
+    /// [`DeviationError`] names the number that is unusable.
+    ///
+    /// # Panics
+    /// If the plan has no point of that index.
+    pub fn of_point(plan: &InspectionPlan, index: usize) -> Result<Self, DeviationError> {
+        Self::of_points(plan, index..index + 1)
+    }
+
+    fn of_points(plan: &InspectionPlan, range: Range<usize>) -> Result<Self, DeviationError> {
         let part_pose = part_pose(plan)?;
         let number = |what| DeviationError::PlanNumber {
             plan: plan.plan_id.clone(),
@@ -131,9 +148,10 @@ impl Nominal {
                 radius: ball_radius,
             });
         }
-        let mut points = Vec::with_capacity(plan.points.len());
-        let mut surfaces = Vec::with_capacity(plan.points.len());
-        for (index, planned) in plan.points.iter().enumerate() {
+        let mut points = Vec::with_capacity(range.len());
+        let mut surfaces = Vec::with_capacity(range.len());
+        for index in range {
+            let planned = &plan.points[index];
             let bad = |what| DeviationError::Point {
                 plan: plan.plan_id.clone(),
                 index,
@@ -176,9 +194,9 @@ pub fn deviation(
     plan: &InspectionPlan,
     event: &ProbeEvent,
 ) -> Result<f64, DeviationError> {
-    let nominal = Nominal::from_plan(plan)?;
     let positions = touch_positions(chain, plan, event)?;
-    Ok(nominal.deviation(chain, event.point_index as usize, &positions))
+    let nominal = Nominal::of_point(plan, event.point_index as usize)?;
+    Ok(nominal.deviation(chain, 0, &positions))
 }
 
 /// Latched positions of a touch in the order of [`Chain::axes`], once it is clear that it belongs to the plan.

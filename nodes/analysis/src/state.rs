@@ -40,11 +40,15 @@ pub struct Touch {
 impl State {
     /// The points of the feature of that index, once all have been tried.
     pub(crate) fn complete(&self, plan: &InspectionPlan, index: u32) -> Option<BTreeSet<u32>> {
-        let points: BTreeSet<u32> = (0..plan.points.len() as u32)
-            .filter(|&point| plan.points[point as usize].feature == index)
-            .collect();
-        let is_tried = |point| self.touches.contains_key(point) && !self.pending.contains(point);
-        (!points.is_empty() && points.iter().all(is_tried)).then_some(points)
+        let of_the_feature = |point: &u32| plan.points[*point as usize].feature == index;
+        let points = (0..plan.points.len() as u32).filter(of_the_feature);
+        let is_tried = |point| self.touches.contains_key(&point) && !self.pending.contains(&point);
+        // From the last one: where points are touched in their order, an untried one is found at once.
+        if !points.clone().rev().all(is_tried) {
+            return None;
+        }
+        let points: BTreeSet<u32> = points.collect();
+        (!points.is_empty()).then_some(points)
     }
 
     /// The probing events of these points, in the part frame.

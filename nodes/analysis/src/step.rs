@@ -206,7 +206,8 @@ fn locate(
     plan: &InspectionPlan,
     event: &ProbeEvent,
 ) -> Result<(Point3<f64>, f64), String> {
-    let part = Nominal::from_plan(plan).map_err(|error| error.to_string())?;
+    let index = event.point_index as usize;
+    let part = Nominal::of_point(plan, index).map_err(|error| error.to_string())?;
     let positions = config
         .chain
         .positions(&event.axis_names, &event.axis_positions)
@@ -214,7 +215,7 @@ fn locate(
     let centre = config
         .chain
         .ball_in_part(&positions, &part.part_pose, &part.ball);
-    let deviation = part.deviation(&config.chain, event.point_index as usize, &positions);
+    let deviation = part.deviation(&config.chain, 0, &positions);
     if deviation.is_finite() {
         Ok((centre, deviation))
     } else {

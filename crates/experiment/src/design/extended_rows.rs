@@ -34,13 +34,15 @@ pub(crate) struct ExtendedRows {
 impl ExtendedRows {
     /// Adds the reachable ones of the candidates `wanted`; `plan` is the plan that was measured.
     pub(crate) fn new(
-        observations: &Observations,
+        known: &Observations,
         plan: &InspectionPlan,
         wanted: Vec<CandidateTouch>,
     ) -> Self {
-        let first = observations.touches();
-        let mut rows = observations.rows.clone();
+        let first = known.touches();
+        let mut observations = known.clone();
+        let rows = &mut observations.rows;
         let references = rows.split_off(first);
+        rows.reserve_exact(wanted.len() + references.len());
         let mut kept = Vec::new();
         let extended = InspectionPlan {
             points: wanted.iter().map(|wanted| wanted.point.clone()).collect(),
@@ -48,18 +50,14 @@ impl ExtendedRows {
         };
         if let Ok(nominal) = Nominal::from_plan(&extended) {
             for (index, wanted) in wanted.into_iter().enumerate() {
-                if let Some(row) = row(observations, plan, &nominal, index, &wanted) {
+                if let Some(row) = row(known, plan, &nominal, index, &wanted) {
                     rows.push(row);
                     kept.push(wanted);
                 }
             }
         }
         rows.extend(references);
-        let observations = Observations {
-            deviations: vec![0.0; rows.len()],
-            rows,
-            ..observations.clone()
-        };
+        observations.deviations = vec![0.0; rows.len()];
         Self {
             observations,
             first,
