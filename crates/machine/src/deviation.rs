@@ -123,7 +123,7 @@ impl Nominal {
         Self::of_points(plan, 0..plan.points.len())
     }
 
-    /// The same of one point, which has index 0 here: the work does not grow with the plan.
+    /// Checks a plan's pose and stylus and one of its points, which gets index 0: the work does not grow with the plan.
     ///
     /// # Errors
     /// [`DeviationError`] names the number that is unusable.

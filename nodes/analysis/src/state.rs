@@ -43,7 +43,7 @@ impl State {
         let of_the_feature = |point: &u32| plan.points[*point as usize].feature == index;
         let points = (0..plan.points.len() as u32).filter(of_the_feature);
         let is_tried = |point| self.touches.contains_key(&point) && !self.pending.contains(&point);
-        // From the last one: where points are touched in their order, an untried one is found at once.
+        // Backwards: where points are touched in order, the last one is untried until the end.
         if !points.clone().rev().all(is_tried) {
             return None;
         }

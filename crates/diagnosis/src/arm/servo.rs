@@ -1,11 +1,12 @@
 //! A position-controlled joint: what it does on a command, simulated from the command alone.
 //!
 //! The command u arrives late (dead time τ), scaled by 1 + s; a servo that limits its acceleration follows it as fast as it can
-//! still stop at it. The controller is proportional, without integral part; all over its stiffness, the joint obeys m q̈ + T q̇ = (1 + s) u + c − q − friction, with its inertia m (s²) and its damping T (s). It hangs
-//! by c = Cθ under the weight that it carries, and where the tip presses on something lower than z it yields by as much of the
-//! depth as the lever of the tip allows. Friction takes what it can up to h = r (1 + λ(|g| − 1)), g the weight over its mean
-//! (Armstrong-Hélouvry, Dupont and Canudas de Wit 1994): without m and T it is a play of half width h (Krasnosel'skiĭ and
-//! Pokrovskiĭ 1989). Steps are implicit (Euler), so that a stiff joint is no special case. rad or m, s.
+//! still stop at it. The controller is proportional, without integral part; all over its stiffness, the joint obeys
+//! m q̈ + T q̇ = (1 + s) u + c − q − friction, with its inertia m (s²) and its damping T (s). It hangs by c = Cθ under the weight
+//! that it carries, and where the tip presses on something lower than z it yields by as much of the depth as the lever of the tip
+//! allows. Friction takes what it can up to h = r (1 + λ(|g| − 1)), g the weight over its mean (Armstrong-Hélouvry, Dupont and
+//! Canudas de Wit 1994): without m and T it is a play of half width h (Krasnosel'skiĭ and Pokrovskiĭ 1989). Steps are implicit
+//! (Euler), so that a stiff joint is no special case. rad or m, s.
 //! Derivatives with respect to all parameters go along with the simulation.
 
 use std::borrow::Cow;
