@@ -135,7 +135,7 @@ const SESSIONS: usize = 16_384;
 const LONGEST_MESSAGE: usize = 64 << 20;
 
 /// Between two attempts to reach a router that is gone: at first, and at most.
-const RETRY: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(1)];
+const RETRY: [Duration; 2] = [Duration::from_millis(50), Duration::from_millis(200)];
 
 impl BusConfig {
     /// Whether Zenoh takes these settings; nothing is opened.
