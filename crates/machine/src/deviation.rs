@@ -177,26 +177,15 @@ impl Nominal {
 
     /// Deviation (m) of a touch at axis positions in the order of [`Chain::axes`], against nominal point `index`.
     pub fn deviation(&self, chain: &Chain, index: usize, positions: &[f64]) -> f64 {
-        let (point, normal) = &self.points[index];
-        let ball = chain.ball_in_part(positions, &self.part_pose, &self.ball);
-        normal.dot(&(ball - point)) - self.ball_radius
+        self.touch(chain, index, positions).1
     }
-}
 
-/// Deviation (m) of a touch: d = n·(c − p) − r.
-///
-/// For many touches of one plan, check it once with [`Nominal::from_plan`] and use [`touch_positions`].
-///
-/// # Errors
-/// [`DeviationError`] names what does not fit.
-pub fn deviation(
-    chain: &Chain,
-    plan: &InspectionPlan,
-    event: &ProbeEvent,
-) -> Result<f64, DeviationError> {
-    let positions = touch_positions(chain, plan, event)?;
-    let nominal = Nominal::of_point(plan, event.point_index as usize)?;
-    Ok(nominal.deviation(chain, 0, &positions))
+    /// Centre c of the ball (m, part frame) and deviation d = n·(c − p) − r (m) of a touch, as [`Self::deviation`].
+    pub fn touch(&self, chain: &Chain, index: usize, positions: &[f64]) -> (Point3<f64>, f64) {
+        let (point, normal) = &self.points[index];
+        let centre = chain.ball_in_part(positions, &self.part_pose, &self.ball);
+        (centre, normal.dot(&(centre - point)) - self.ball_radius)
+    }
 }
 
 /// Latched positions of a touch in the order of [`Chain::axes`], once it is clear that it belongs to the plan.

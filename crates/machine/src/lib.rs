@@ -75,7 +75,7 @@ pub use chain::{Capsule, Chain, Joint, JointKind, Side};
 pub use contact::Surface;
 pub use declared_motion::{MotionError, RawAxis, RawMotion};
 pub use description::ChainError;
-pub use deviation::{DeviationError, Nominal, deviation, touch_positions};
+pub use deviation::{DeviationError, Nominal, touch_positions};
 pub use dynamics::{Body, Dynamics, PARAMETERS};
 pub use frame::WorkOffset;
 pub use head::{HEAD_AXES, SwivelHead};

@@ -212,10 +212,7 @@ fn locate(
         .chain
         .positions(&event.axis_names, &event.axis_positions)
         .map_err(|error| error.to_string())?;
-    let centre = config
-        .chain
-        .ball_in_part(&positions, &part.part_pose, &part.ball);
-    let deviation = part.deviation(&config.chain, 0, &positions);
+    let (centre, deviation) = part.touch(&config.chain, 0, &positions);
     if deviation.is_finite() {
         Ok((centre, deviation))
     } else {

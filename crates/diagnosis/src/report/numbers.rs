@@ -9,7 +9,12 @@ const NOTHING: f64 = 1e-9;
 /// A parameter as text: name, value, half width of its 95 % interval, in the display units.
 pub fn in_display_units(name: &str, value: f64, unit: &str, ci95: Option<[f64; 2]>) -> String {
     let half = ci95.map_or(0.0, |[low, high]| 0.5 * (high - low));
-    let (factor, unit) = display_unit(name, value, unit);
+    let size = if half.is_finite() {
+        value.abs().max(half)
+    } else {
+        value.abs()
+    };
+    let (factor, unit) = display_unit(name, size, unit);
     let text = if half * factor > NOTHING && half.is_finite() {
         let (value, half) = rounded(value * factor, half * factor);
         format!("{name} = {value} ± {half} {unit}")
@@ -28,9 +33,8 @@ pub(crate) fn grouped(count: usize) -> String {
     groups.join(",")
 }
 
-/// Shown number over SI value, and the unit as people write it.
-fn display_unit<'u>(name: &str, value: f64, unit: &'u str) -> (f64, &'u str) {
-    let size = value.abs();
+/// Shown number over SI value, and the unit as people write it, for a value or an uncertainty of that size.
+fn display_unit<'u>(name: &str, size: f64, unit: &'u str) -> (f64, &'u str) {
     match unit {
         "m" if size >= 2e-3 => (1e3, "mm"),
         "m" => (1e6, "µm"),
@@ -101,6 +105,7 @@ mod tests {
             in_display_units(name, value, unit, Some([value - half, value + half]))
         };
         assert_eq!(text("dx", 3.5e-6, "m", 1e-7), "dx = 3.50 ± 0.10 µm");
+        assert_eq!(text("z", -1e-3, "m", 0.092), "z = -1 ± 92 mm");
         assert_eq!(text("k", 1.4e-6, "m/m", 2e-7), "k = 1.40 ± 0.20 µm/m");
         assert_eq!(
             text("A2", 1.2e-6, "rad/(N m)", 3e-7),

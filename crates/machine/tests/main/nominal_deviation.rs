@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use machine::{Chain, deviation};
+use machine::{Chain, Nominal, touch_positions};
 
 #[test]
 fn deviations_agree_with_numpy_to_a_nanometre() {
@@ -37,9 +37,11 @@ fn deviations_agree_with_numpy_to_a_nanometre() {
         let session = bags::Session::read(&bags::Bag::open(bag).unwrap()).unwrap();
         let chain = Chain::from_urdf(&session.robot_description).unwrap();
         let plan = session.plan.unwrap();
+        let nominal = Nominal::from_plan(&plan).unwrap();
         assert_eq!(session.events.len(), expected.len());
         for (event, expected) in session.events.iter().zip(expected) {
-            let got = deviation(&chain, &plan, &event.message).unwrap();
+            let positions = touch_positions(&chain, &plan, &event.message).unwrap();
+            let got = nominal.deviation(&chain, event.message.point_index as usize, &positions);
             assert!(
                 (got - expected).abs() < 1e-9,
                 "{}: {got} m, NumPy {expected} m",
