@@ -331,6 +331,12 @@ impl Pusher {
         self.queue.durable()
     }
 
+    /// How long nothing has been heard of the writer thread: much longer than [`RecorderOptions::sync_interval`] where the
+    /// disk does not answer, as a network drive whose server is gone. What is pushed meanwhile waits in the queue.
+    pub fn silent_for(&self) -> Duration {
+        self.queue.silent_for()
+    }
+
     /// The failure that ended the recording early, if there was one.
     pub fn failure(&self) -> Option<Error> {
         self.queue.failure()

@@ -1,6 +1,6 @@
 //! What codes of messages are called where a person reads, in one place.
 
-use crate::{FeatureResult, Order, PartReport, PartStatus, Verdict};
+use crate::{FeatureResult, Order, PartReport, PartStatus, RecordingStatus, Verdict};
 
 impl Verdict {
     /// What the code of a verdict ([`Verdict::verdict`]) means.
@@ -67,6 +67,23 @@ impl PartStatus {
             Self::CORRECTING => "correcting",
             Self::STOPPING => "stopping",
             _ => "no part",
+        }
+    }
+}
+
+impl RecordingStatus {
+    /// There is a recording, and its disk does not answer: not recorded, and yet the folder is named.
+    pub fn hangs(&self) -> bool {
+        self.state == Self::STOPPED && !self.uri.is_empty()
+    }
+
+    /// Whether the cell is recorded.
+    pub fn word(&self) -> &'static str {
+        match self.state {
+            Self::RECORDING => "recording",
+            Self::WAIVED => "waived by the operator",
+            _ if self.hangs() => "the disk does not answer",
+            _ => "stopped",
         }
     }
 }

@@ -389,6 +389,58 @@ def a_recording_that_is_taken_away_stops_the_part_and_is_kept(folder):
         assert topics["/turn_mill/order_requests"] == 2 and topics["/turn_mill/controller_status"] > 10, (what, topics, errors)
 
 
+def a_disk_that_goes_while_a_part_is_cut_stops_the_part(folder):
+    """Unplugged, mounted read-only after an error, unmounted: the cell says so and ends, and what was synced is on the disk."""
+    changes = {
+        "unplugged": (kit.Disk.unplug, "Input/output error"), "erring": (kit.Disk.err, "Read-only file system"),
+        "unmounted": (kit.Disk.unmount, "the recording was moved"),
+    }
+    kit.own_mounts()
+    for what, (change, said) in changes.items():
+        place = folder / what
+        place.mkdir()
+        with contextlib.closing(kit.Disk("loop", place / "recordings")) as disk:
+            cell = own_cell(place, cut_s=LONG)
+            with cell_that_is_ready(cell, place) as up:
+                cutting(cell, place)
+                until("both requests", lambda: recorded(place).get("order_requests") == 2)
+                before = recorded(place)
+                # What follows is written once that has been synced.
+                until("more", lambda: recorded(place)["controller_status"] > before["controller_status"])
+                change(disk)
+                code, output, errors = up.ended()
+            assert code == 1 and "part punch: stopped" in output, (what, code, output, errors)
+            assert said in errors and "must not run unrecorded" in errors, (what, errors)
+            disk.mount_again()
+            after = recorded(place)
+        assert all(after[topic] >= count for topic, count in before.items()), (what, before, after)
+
+
+def a_disk_that_does_not_answer_holds_orders_up_and_loses_nothing(folder):
+    kit.own_mounts()
+    with contextlib.closing(kit.Disk("loop", folder / "recordings")) as disk:
+        cell = own_cell(folder)
+        of_recording = lambda: status(cell, folder)["recording"]["state"]
+        with cell_that_is_ready(cell, folder) as up:
+            disk.hang(True)
+            try:
+                until("a word of the disk", lambda: of_recording() == "the disk does not answer")
+                part_is_asked_for(cell, folder)
+                line = up.says("part punch: ")
+                assert "stopped" in line and "the disk of the recording does not answer" in line, line
+            finally:
+                disk.hang(False)
+            until("a recording", lambda: of_recording() == "recording")
+            part_is_asked_for(cell, folder)
+            until("a touch", lambda: recorded(folder).get("probe_events", 0) > 0)
+            up.send(signal.SIGINT)
+            code, output, errors = up.ended()
+        assert re.search("does not answer for 2.5 s.*answers again", errors, re.DOTALL), (code, output, errors)
+        (bag,) = (folder / "recordings").glob("turn_mill*")
+        code, output, errors = asked("info", "--verify", bag, folder=folder)
+        assert code == 0 and "MISSING" not in output, (output, errors)
+
+
 def a_dashboard_that_dies_is_started_again(folder):
     cell = own_cell(folder)
     with cell_that_is_ready(cell, folder) as up:
@@ -983,7 +1035,8 @@ CHECKS = (
     every_process_of_a_cell_is_confined, a_machine_stops_when_its_gate_is_paused, an_operator_stops_a_part_and_ctrl_c_the_cell,
     a_paused_cycle_starts_nothing_late, the_same_cell_is_not_started_twice_and_another_outlives_its_router,
     a_wall_clock_set_back_is_a_recorded_fault, a_disk_that_fails_stops_the_part_and_the_cell,
-    a_recording_that_is_taken_away_stops_the_part_and_is_kept, a_dashboard_that_dies_is_started_again,
+    a_recording_that_is_taken_away_stops_the_part_and_is_kept, a_disk_that_goes_while_a_part_is_cut_stops_the_part,
+    a_disk_that_does_not_answer_holds_orders_up_and_loses_nothing, a_dashboard_that_dies_is_started_again,
     a_killed_launcher_leaves_nothing_that_holds_commands_up, a_part_on_simulated_time_is_the_same_part,
     a_cell_on_simulated_time_is_supervised,
     corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,

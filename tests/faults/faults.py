@@ -21,7 +21,6 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT / "tests"))
 import kit  # noqa: E402
-from disks import Disk  # noqa: E402
 from judge import Judge  # noqa: E402
 from places import KINDS, Place  # noqa: E402
 
@@ -38,7 +37,7 @@ class Session:
         self.environment = dict(os.environ)
         self.place = Place(self.random.choice(KINDS), folder, BINARY, self.environment)
         # A recorder on another host has no launcher that starts it again.
-        self.disk = Disk("sound" if self.place.kind == "far" else self.random.choice(DISKS), folder / "recordings", self.random)
+        self.disk = kit.Disk("sound" if self.place.kind == "far" else self.random.choice(DISKS), folder / "recordings", self.random)
         text = (ROOT / "launch-scripts" / "turn_mill.toml").read_text()
         (folder / "cell.toml").write_text(self.place.cell_file(text.replace("seed = 1\n", f"seed = {seed % 1000 + 1}\n")))
         (folder / "turn_mill.urdf").write_text((ROOT / "launch-scripts" / "turn_mill.urdf").read_text())

@@ -93,6 +93,8 @@ pub(super) struct Queue {
     overflow: Overflow,
     /// Messages that were on disk after the last sync.
     durable: AtomicU64,
+    /// When the writer thread was last seen outside a call to the disk.
+    alive: Mutex<Instant>,
 }
 
 /// What the writer takes at once.
@@ -113,7 +115,18 @@ impl Queue {
             limit,
             overflow,
             durable: AtomicU64::new(0),
+            alive: Mutex::new(Instant::now()),
         }
+    }
+
+    /// The writer thread is in no call to the disk.
+    pub(super) fn is_alive(&self) {
+        *self.alive.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
+    }
+
+    pub(super) fn silent_for(&self) -> Duration {
+        let alive = self.alive.lock().unwrap_or_else(PoisonError::into_inner);
+        alive.elapsed()
     }
 
     pub(super) fn durable(&self) -> u64 {

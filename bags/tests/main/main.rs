@@ -7,6 +7,7 @@
 //! - `earlier`: a recording of an earlier version is read by the names of its fields
 //! - `folders`: folders that are no recording of MCAP splits are named, with what makes them readable
 //! - `gaps`: what a recording lacks is named by topic and number
+//! - `hanging_disk`: a disk that does not answer is told, and costs nothing once it does
 //! - `kill`: a recorder that is killed loses nothing that it stated to be durable
 //! - `moved`: a recording whose files are moved or removed while they are written ends, and keeps what it holds
 //! - `refusing_disk`: a disk that refuses any one act ends the recording, and what was stated durable is there
@@ -24,6 +25,7 @@ mod damage;
 mod earlier;
 mod folders;
 mod gaps;
+mod hanging_disk;
 mod kill;
 mod moved;
 mod refusing_disk;

@@ -185,6 +185,11 @@ impl RecorderProcess {
         self.recorder.failure()
     }
 
+    /// How long the disk has kept the thread that writes, as [`bags::Pusher::silent_for`].
+    pub fn silent_for(&self) -> Duration {
+        self.recorder.silent_for()
+    }
+
     /// Writes what is queued, closes the files and returns what was written.
     ///
     /// # Errors

@@ -45,6 +45,9 @@ fn unrecorded(state: &State, now: Stamp) -> Option<&'static str> {
         RecordingStatus::RECORDING => {
             Some("the recorder has fallen silent: the cell must not run unrecorded")
         }
+        _ if status.hangs() => {
+            Some("the disk of the recording does not answer: the cell must not run unrecorded")
+        }
         _ => Some("nothing is recorded: start a recording first"),
     }
 }

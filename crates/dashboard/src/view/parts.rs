@@ -36,7 +36,7 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
                 (super::hall::verdict(cell))
                 @if let Some(one) = cell.decision().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (minus(&one.text)) } @if let Some(doubt) = cell.doubt().filter(|_| rests_on_readings(one)) { small.mark { "Warning: " (doubt) "." } } } } }
                 div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (end, count)) in cell.ended_counts().into_iter().enumerate() { @if index > 0 { ", " } (count) " " (end) } } }
-                @if let Some(one) = cell.recording.as_ref().filter(|one| one.state != RecordingStatus::RECORDING) { div { dt { "Recording" } dd { (if one.state == RecordingStatus::WAIVED { "waived" } else { "stopped" }) } } }
+                @if let Some(one) = cell.recording.as_ref().filter(|one| one.state != RecordingStatus::RECORDING) { div { dt { "Recording" } dd { (one.word()) } } }
                 @if cell.is_stale(now) { div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } } }
             }
             @if let Some(one) = cell.planning() { (planning(one)) }

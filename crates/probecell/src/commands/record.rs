@@ -46,6 +46,8 @@ const VALIDITY: f64 = 30.0;
 /// s between two messages that the cell is recorded.
 const STATUS_PERIOD: f64 = 1.0;
 
+/// Beyond the flush interval, how long the disk may keep what writes: then the cell does not count as recorded until it answers.
+const HANGS: Duration = Duration::from_secs(2);
 /// Between two looks at the disk.
 const LOOK: Duration = Duration::from_secs(60);
 /// s of recording for which there has to be room, else the operator is warned; from more to less.
@@ -69,6 +71,8 @@ struct RecorderService<'a> {
     /// What the kernel takes away from this process.
     confined: Confined,
     current: Option<(RecorderProcess, PathBuf)>,
+    /// Its disk does not answer.
+    hangs: bool,
     missing: u64,
     /// Tells the cell whether it is recorded.
     status: Publisher,
@@ -166,6 +170,7 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
         key,
         confined,
         current: None,
+        hangs: false,
         missing: 0,
         status,
         status_sent: (Stamp::default(), 0),
@@ -277,7 +282,7 @@ impl RecorderService<'_> {
         let folder = self.current.as_ref().map(|(_, folder)| folder);
         let status = RecordingStatus {
             header: instant.header(""),
-            state: if folder.is_some() {
+            state: if folder.is_some() && !self.hangs {
                 RecordingStatus::RECORDING
             } else {
                 RecordingStatus::STOPPED
@@ -288,6 +293,29 @@ impl RecorderService<'_> {
         let number = self.status.publish(to_cdr(&status), instant.0)?;
         self.status_sent = (instant, number);
         Ok(())
+    }
+
+    /// Tells the cell and the operator when the disk does not answer any more, and when it does again.
+    fn watch_the_writer(&mut self) -> anyhow::Result<()> {
+        let Some((process, folder)) = &self.current else {
+            return Ok(());
+        };
+        let most = HANGS + Duration::from_secs_f64(self.cell.recorder.flush_interval_s);
+        let hangs = process.silent_for() > most;
+        if hangs == self.hangs {
+            return Ok(());
+        }
+        let what = if hangs {
+            format!(
+                "does not answer for {:.1} s: nothing begins until it does",
+                most.as_secs_f64()
+            )
+        } else {
+            "answers again".to_owned()
+        };
+        output::warning(&format!("the disk of {} {what}", folder.display()));
+        self.hangs = hangs;
+        self.publish_status()
     }
 
     /// Joins the simulated clock of the cell, where it has one.
@@ -319,6 +347,7 @@ impl RecorderService<'_> {
         let Some((process, folder)) = self.current.take() else {
             return Ok(None);
         };
+        self.hangs = false;
         let statistics = process.finish()?;
         self.missing += statistics.missing();
         Ok(Some((folder, statistics)))
@@ -342,6 +371,7 @@ impl RecorderService<'_> {
             {
                 return Err(failure.into());
             }
+            self.watch_the_writer()?;
             self.watch_the_disk();
             if host::now().since_s(self.status_sent.0) >= STATUS_PERIOD {
                 self.publish_status()?;

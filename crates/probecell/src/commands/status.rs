@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, path::Path};
 use cell::TransportName;
 use graph::Stamp;
 use host::bus::{BusConfig, BusError};
-use probecell_msgs::{MachineState, Orders, PartReport, PartStatus, RecordingStatus, srv};
+use probecell_msgs::{MachineState, Orders, PartReport, PartStatus, srv};
 use serde_json::json;
 
 use super::{dashboard::buses, orders};
@@ -124,14 +124,6 @@ fn machine(status: &srv::StatusResponse) -> &'static str {
     }
 }
 
-fn recording(status: &RecordingStatus) -> &'static str {
-    match status.state {
-        RecordingStatus::RECORDING => "recording",
-        RecordingStatus::WAIVED => "waived by the operator",
-        _ => "stopped",
-    }
-}
-
 /// s since the stage began.
 fn since(status: &srv::StatusResponse) -> f64 {
     Stamp::from(&status.header.stamp).since_s(Stamp::from(&status.part.since))
@@ -154,7 +146,7 @@ fn report(status: &srv::StatusResponse, waiting: &BTreeSet<String>) -> serde_jso
         "machine": machine(status),
         "alarms": status.alarms,
         "part": made,
-        "recording": { "state": recording(&status.recording), "uri": status.recording.uri },
+        "recording": { "state": status.recording.word(), "uri": status.recording.uri },
         "processes": processes.collect::<Vec<_>>(),
         "faults": status.faults,
     })
@@ -199,7 +191,7 @@ fn print(
         }
     }
     let uri = &status.recording.uri;
-    output::line(format!("recording: {} {uri}", recording(&status.recording)).trim_end());
+    output::line(format!("recording: {} {uri}", status.recording.word()).trim_end());
     let processes = status.processes.iter().zip(&status.running);
     for ((name, running), starts) in processes.zip(&status.starts) {
         if !running || *starts > 1 {

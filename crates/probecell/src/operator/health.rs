@@ -135,13 +135,13 @@ impl Health {
     }
 
     fn of_recording(&self) -> Entry {
-        let (level, text) = match self.recording.state {
-            RecordingStatus::RECORDING => (DiagnosticStatus::OK, "recording"),
-            RecordingStatus::WAIVED => (DiagnosticStatus::WARN, "waived by the operator"),
-            _ => (DiagnosticStatus::ERROR, "stopped: no operation starts"),
+        let (level, more) = match self.recording.state {
+            RecordingStatus::RECORDING => (DiagnosticStatus::OK, ""),
+            RecordingStatus::WAIVED => (DiagnosticStatus::WARN, ""),
+            _ => (DiagnosticStatus::ERROR, ": no operation starts"),
         };
         let values = vec![value("uri", &self.recording.uri)];
-        (level, text.to_owned(), values)
+        (level, format!("{}{more}", self.recording.word()), values)
     }
 
     fn of_messages(&self) -> Entry {

@@ -1,8 +1,13 @@
-"""Disks of a recording that are full, slow, or refuse what was written when it is to be synced. Needs root and a mount namespace."""
+"""Disks of a recording that are full, slow, refuse what was written when it is to be synced, go away or hang. Needs root and a mount
+namespace."""
 
+import fcntl
+import os
 import pathlib
+import struct
 import subprocess
 
+SHUTDOWN = 0x8004587D  # EXT4_IOC_SHUTDOWN
 THROTTLE = pathlib.Path("/sys/fs/cgroup/blkio/blkio.throttle.write_bps_device")
 
 
@@ -13,14 +18,17 @@ def ran(*words):
 
 
 class Disk:
-    """The file system below a folder; `kind` is `sound`, `small`, `slow` or `refusing`."""
+    """The file system below a folder; `kind` is `sound`, `loop`, `small`, `slow` or `refusing`."""
 
-    def __init__(self, kind, folder, random):
+    def __init__(self, kind, folder, random=None):
         self.kind, self.folder, self.mounts, self.device, self.bandwidth = kind, folder, [], None, None
         if kind == "sound":
             return
         folder.mkdir()
-        if kind == "small":
+        if kind == "loop":
+            self.on_loop(folder, None, "64M")
+            (folder / "lost+found").rmdir()
+        elif kind == "small":
             # A write says that there is no space left.
             self.mount("-t", "tmpfs", "-o", f"size={random.randint(600, 2500)}k", "tmpfs", folder)
         elif kind == "slow":
@@ -55,6 +63,32 @@ class Disk:
         """Bytes a second; 0: without a limit."""
         number = ran("lsblk", "-dno", "MAJ:MIN", self.device)
         THROTTLE.write_text(f"{number} {bandwidth}\n")
+
+    def unplug(self):
+        """As if the device had gone."""
+        descriptor = os.open(self.folder, os.O_RDONLY)
+        try:
+            fcntl.ioctl(descriptor, SHUTDOWN, struct.pack("I", 1))
+        finally:
+            os.close(descriptor)
+
+    def err(self):
+        """The file system finds an error and is read-only from then on."""
+        ran("mount", "-o", "remount,errors=remount-ro", self.folder)
+        pathlib.Path(f"/sys/fs/ext4/{pathlib.Path(self.device).name}/trigger_fs_error").write_text("1")
+
+    def hang(self, hangs):
+        ran("fsfreeze", "--freeze" if hangs else "--unfreeze", self.folder)
+
+    def unmount(self):
+        ran("umount", "-l", self.folder)
+        self.mounts.remove(self.folder)
+
+    def mount_again(self):
+        """What is on the disk, after an end that nobody could prepare."""
+        if self.folder in self.mounts:
+            self.unmount()
+        self.mount(self.device, self.folder)
 
     @property
     def is_sound(self):

@@ -1,0 +1,106 @@
+//! A disk that does not answer, as a network drive whose server is gone: the recorder tells for how long, and when the disk
+//! answers again all that was pushed meanwhile is recorded.
+
+use std::io;
+use std::path::Path;
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::Duration;
+
+use bags::{Bag, Channel, Disk, DiskFile, Place, Qos, Recorder, RecorderOptions, SystemDisk};
+
+/// Syncs wait while it is shut.
+#[derive(Clone, Debug, Default)]
+struct Gate(Arc<(Mutex<bool>, Condvar)>);
+
+impl Gate {
+    fn shut(&self, shut: bool) {
+        *self.0.0.lock().unwrap() = shut;
+        self.0.1.notify_all();
+    }
+
+    fn pass(&self) {
+        let shut = self.0.0.lock().unwrap();
+        drop(self.0.1.wait_while(shut, |shut| *shut).unwrap());
+    }
+}
+
+struct Hanging(Arc<dyn DiskFile>, Gate);
+
+impl DiskFile for Hanging {
+    fn write(&self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes)
+    }
+
+    fn sync(&self) -> io::Result<()> {
+        self.1.pass();
+        self.0.sync()
+    }
+
+    fn place(&self, made_at: &Path) -> io::Result<Place> {
+        self.0.place(made_at)
+    }
+}
+
+impl Disk for Gate {
+    fn create(&self, path: &Path, anew: bool) -> io::Result<Arc<dyn DiskFile>> {
+        let file = SystemDisk.create(path, anew)?;
+        Ok(Arc::new(Hanging(file, self.clone())))
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        SystemDisk.rename(from, to)
+    }
+
+    fn sync_folder(&self, folder: &Path) -> io::Result<()> {
+        SystemDisk.sync_folder(folder)
+    }
+}
+
+#[test]
+fn a_disk_that_does_not_answer_is_told_and_costs_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, gate) = (folder.path().join("run"), Gate::default());
+    let recorder = Recorder::start(RecorderOptions {
+        sync_interval: Duration::from_millis(2),
+        disk: Arc::new(gate.clone()),
+        ..RecorderOptions::new(&path)
+    })
+    .unwrap();
+    let topic = Channel::new(
+        "/cell/a",
+        "std_msgs/msg/String",
+        "string data\n",
+        "",
+        Qos::default(),
+    );
+    let channel = recorder.channel(&topic).unwrap();
+    gate.shut(true);
+    let long = Duration::from_millis(100);
+    let mut pushed = 0;
+    while recorder.silent_for() < long {
+        recorder
+            .push(channel, pushed, u64::from(pushed), 0, vec![0; 8])
+            .unwrap();
+        pushed += 1;
+        std::thread::yield_now();
+        if pushed == 10_000 {
+            // The queue has room for what a cell says in minutes; here only the silence is awaited.
+            while recorder.silent_for() < long {
+                std::thread::yield_now();
+            }
+        }
+    }
+    gate.shut(false);
+    while recorder.durable_messages() < u64::from(pushed) {
+        std::thread::yield_now();
+    }
+    let statistics = recorder.stop().unwrap();
+    assert_eq!(
+        (statistics.messages, statistics.missing()),
+        (u64::from(pushed), 0)
+    );
+    assert_eq!(
+        Bag::open(&path).unwrap().messages().count(),
+        pushed as usize
+    );
+}
