@@ -8,6 +8,11 @@ use std::time::Duration;
 
 use bags::{Bag, Channel, Disk, DiskFile, Place, Qos, Recorder, RecorderOptions, SystemDisk};
 
+/// Messages that are pushed while the disk does not answer.
+const PUSHED: u64 = 1000;
+/// A hundred times the flush interval.
+const LONG: Duration = Duration::from_millis(200);
+
 /// Syncs wait while it is shut.
 #[derive(Clone, Debug, Default)]
 struct Gate(Arc<(Mutex<bool>, Condvar)>);
@@ -75,32 +80,19 @@ fn a_disk_that_does_not_answer_is_told_and_costs_nothing() {
     );
     let channel = recorder.channel(&topic).unwrap();
     gate.shut(true);
-    let long = Duration::from_millis(100);
-    let mut pushed = 0;
-    while recorder.silent_for() < long {
+    for number in 0..PUSHED {
         recorder
-            .push(channel, pushed, u64::from(pushed), 0, vec![0; 8])
+            .push(channel, number, number, 0, vec![0; 8])
             .unwrap();
-        pushed += 1;
+    }
+    while recorder.silent_for() < LONG {
         std::thread::yield_now();
-        if pushed == 10_000 {
-            // The queue has room for what a cell says in minutes; here only the silence is awaited.
-            while recorder.silent_for() < long {
-                std::thread::yield_now();
-            }
-        }
     }
     gate.shut(false);
-    while recorder.durable_messages() < u64::from(pushed) {
+    while recorder.durable_messages() < PUSHED {
         std::thread::yield_now();
     }
     let statistics = recorder.stop().unwrap();
-    assert_eq!(
-        (statistics.messages, statistics.missing()),
-        (u64::from(pushed), 0)
-    );
-    assert_eq!(
-        Bag::open(&path).unwrap().messages().count(),
-        pushed as usize
-    );
+    assert_eq!((statistics.messages, statistics.missing()), (PUSHED, 0));
+    assert_eq!(Bag::open(&path).unwrap().messages().count() as u64, PUSHED);
 }
