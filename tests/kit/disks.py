@@ -7,7 +7,8 @@ import pathlib
 import struct
 import subprocess
 
-SHUTDOWN = 0x8004587D  # EXT4_IOC_SHUTDOWN
+SHUTDOWN = 0x8004587D  # EXT4_IOC_SHUTDOWN of linux/ext4.h
+WITH_JOURNAL = 1  # EXT4_GOING_FLAGS_LOGFLUSH: what was synced is there when it is mounted again
 THROTTLE = pathlib.Path("/sys/fs/cgroup/blkio/blkio.throttle.write_bps_device")
 
 
@@ -68,7 +69,7 @@ class Disk:
         """As if the device had gone."""
         descriptor = os.open(self.folder, os.O_RDONLY)
         try:
-            fcntl.ioctl(descriptor, SHUTDOWN, struct.pack("I", 1))
+            fcntl.ioctl(descriptor, SHUTDOWN, struct.pack("I", WITH_JOURNAL))
         finally:
             os.close(descriptor)
 

@@ -119,8 +119,8 @@ impl Queue {
         }
     }
 
-    /// The writer thread is in no call to the disk.
-    pub(super) fn is_alive(&self) {
+    /// Called by the writer thread between its calls to the disk.
+    pub(super) fn mark_alive(&self) {
         *self.alive.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
     }
 

@@ -383,9 +383,8 @@ impl RecordingWriter {
         let mut since_clock = 0;
         let mut dirty = false;
         loop {
-            queue.is_alive();
             let batch = queue.take(self.topics.len(), next_sync);
-            queue.is_alive();
+            queue.mark_alive();
             self.topics
                 .extend(batch.new_channels.into_iter().map(|channel| Topic {
                     channel,
@@ -411,7 +410,7 @@ impl RecordingWriter {
                 since_clock += 1;
                 if since_clock >= CLOCK_STRIDE {
                     since_clock = 0;
-                    queue.is_alive();
+                    queue.mark_alive();
                     if Instant::now() >= next_sync {
                         self.check_place(queue)?;
                         self.sync(queue)?;

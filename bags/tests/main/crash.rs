@@ -6,11 +6,11 @@
 use std::path::Path;
 use std::time::Duration;
 
-use bags::{Bag, Channel, ChannelId, Overflow, Qos, Recorder, RecorderOptions};
+use bags::{Bag, ChannelId, Overflow, Recorder, RecorderOptions};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::kill::paced_writer;
+use crate::{kill::paced_writer, topic};
 
 /// Syncs of the run.
 const SYNCS: usize = 12;
@@ -23,14 +23,7 @@ pub(crate) fn begun(folder: &Path, sync_interval: Duration) -> (Recorder, Channe
         ..RecorderOptions::new(folder)
     })
     .unwrap();
-    let topic = Channel::new(
-        "/cell/a",
-        "std_msgs/msg/String",
-        "string data\n",
-        "",
-        Qos::default(),
-    );
-    let channel = recorder.channel(&topic).unwrap();
+    let channel = recorder.channel(&topic()).unwrap();
     (recorder, channel)
 }
 

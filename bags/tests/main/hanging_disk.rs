@@ -6,7 +6,9 @@ use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
-use bags::{Bag, Channel, Disk, DiskFile, Place, Qos, Recorder, RecorderOptions, SystemDisk};
+use bags::{Bag, Disk, DiskFile, Recorder, RecorderOptions, SystemDisk};
+
+use crate::topic;
 
 /// Messages that are pushed while the disk does not answer.
 const PUSHED: u64 = 1000;
@@ -40,10 +42,6 @@ impl DiskFile for Hanging {
         self.1.pass();
         self.0.sync()
     }
-
-    fn place(&self, made_at: &Path) -> io::Result<Place> {
-        self.0.place(made_at)
-    }
 }
 
 impl Disk for Gate {
@@ -71,14 +69,7 @@ fn a_disk_that_does_not_answer_is_told_and_costs_nothing() {
         ..RecorderOptions::new(&path)
     })
     .unwrap();
-    let topic = Channel::new(
-        "/cell/a",
-        "std_msgs/msg/String",
-        "string data\n",
-        "",
-        Qos::default(),
-    );
-    let channel = recorder.channel(&topic).unwrap();
+    let channel = recorder.channel(&topic()).unwrap();
     gate.shut(true);
     for number in 0..PUSHED {
         recorder
@@ -90,6 +81,9 @@ fn a_disk_that_does_not_answer_is_told_and_costs_nothing() {
     }
     gate.shut(false);
     while recorder.durable_messages() < PUSHED {
+        std::thread::yield_now();
+    }
+    while recorder.silent_for() >= LONG {
         std::thread::yield_now();
     }
     let statistics = recorder.stop().unwrap();

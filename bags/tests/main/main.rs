@@ -18,6 +18,8 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
+use bags::{Channel, Qos};
+
 mod conformance;
 mod contract_bags;
 mod crash;
@@ -33,3 +35,14 @@ mod round_trip;
 mod seals;
 mod sessions;
 mod specification;
+
+/// A topic of texts.
+fn topic() -> Channel {
+    Channel::new(
+        "/cell/a",
+        "std_msgs/msg/String",
+        "string data\n",
+        "",
+        Qos::default(),
+    )
+}

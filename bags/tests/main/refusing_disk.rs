@@ -9,9 +9,10 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use bags::{
-    Bag, Channel, Disk, DiskFile, Error, Overflow, Qos, Recorder, RecorderOptions, Sealer, SplitAt,
-    SystemDisk,
+    Bag, Disk, DiskFile, Error, Overflow, Recorder, RecorderOptions, Sealer, SplitAt, SystemDisk,
 };
+
+use crate::topic;
 
 /// Linux.
 const ENOSPC: i32 = 28;
@@ -158,14 +159,7 @@ fn record(folder: &Path, disk: &Refusing) -> (u64, Result<(), Error>) {
         Ok(recorder) => recorder,
         Err(refused) => return (0, Err(refused)),
     };
-    let topic = Channel::new(
-        "/cell/a",
-        "std_msgs/msg/String",
-        "string data\n",
-        "",
-        Qos::default(),
-    );
-    let channel = match recorder.channel(&topic) {
+    let channel = match recorder.channel(&topic()) {
         Ok(channel) => channel,
         Err(refused) => return (0, Err(refused)),
     };

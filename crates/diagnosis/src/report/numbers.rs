@@ -8,14 +8,10 @@ const NOTHING: f64 = 1e-9;
 
 /// A parameter as text: name, value, half width of its 95 % interval, in the display units.
 pub fn in_display_units(name: &str, value: f64, unit: &str, ci95: Option<[f64; 2]>) -> String {
-    let half = ci95.map_or(0.0, |[low, high]| 0.5 * (high - low));
-    let size = if half.is_finite() {
-        value.abs().max(half)
-    } else {
-        value.abs()
-    };
-    let (factor, unit) = display_unit(name, size, unit);
-    let text = if half * factor > NOTHING && half.is_finite() {
+    let half = ci95.map(|[low, high]| 0.5 * (high - low));
+    let half = half.filter(|half| half.is_finite()).unwrap_or(0.0);
+    let (factor, unit) = display_unit(name, value.abs().max(half), unit);
+    let text = if half * factor > NOTHING {
         let (value, half) = rounded(value * factor, half * factor);
         format!("{name} = {value} ± {half} {unit}")
     } else {
