@@ -21,7 +21,7 @@ use xtask::{sbom, workspace_root};
 /// The package, which has the name of its program.
 const NAME: &str = "probecell";
 /// What `.ci/run dist` builds, from the root of the workspace.
-const PROGRAM: &str = "target/dist/dist/probecell";
+const PROGRAM: &str = "target/dist/release/probecell";
 /// Where packages are put, from the root of the workspace.
 const PACKAGES: &str = "target/deb";
 /// Revision of the packaging where the version names none.

@@ -5,7 +5,7 @@ use diagnosis::report::{Effect, ParameterEstimate};
 
 use crate::CureError;
 use crate::cause::{Cause, causes};
-use crate::list::{remains, um, wrapped};
+use crate::list::{number, remains, unit, wrapped};
 
 /// What became of a cause that was to be mended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,7 +62,7 @@ pub struct After {
 /// What became of the causes of `before` that may be written, `members` of groups among them, by the report `after`.
 ///
 /// # Errors
-/// [`CureError::Report`] for a report that is not of touches, one without such a cause, and a member of no group.
+/// [`CureError::Report`] for a report that is neither of touches nor of efforts, one without such a cause, and a member of no group.
 pub fn after(before: &Report, members: &[String], after: &Report) -> Result<Vec<After>, CureError> {
     let mended: Vec<Cause> = causes(before, members)?
         .into_iter()
@@ -74,8 +74,14 @@ pub fn after(before: &Report, members: &[String], after: &Report) -> Result<Vec<
             before.bag
         )));
     }
-    // It is one of touches as well.
+    // It is one of the same channel.
     causes(after, &[])?;
+    if before.channel != after.channel {
+        return Err(CureError::Report(format!(
+            "the report of {} is on the channel {}, that of {} on {}",
+            before.bag, before.channel, after.bag, after.channel
+        )));
+    }
     let of = |cause: Cause| After {
         outcome: outcome(&cause, &after.effects),
         effect: cause.name,
@@ -126,12 +132,13 @@ pub fn after_table(
 ) -> Result<(String, bool), CureError> {
     let became = self::after(before, members, after)?;
     let promised = remains(before, &crate::lines(before, members)?);
+    let (unit, of) = (unit(before), |size| number(size, before));
     let mut text = vec![format!(
-        "gap {} µm before, promised {}, became {} µm; the noise is {} µm",
-        um(before.gap.rms),
-        um(promised),
-        um(after.gap.rms),
-        um(after.gap.noise_floor)
+        "gap {} {unit} before, promised {}, became {} {unit}; the noise is {} {unit}",
+        of(before.gap.rms),
+        of(promised),
+        of(after.gap.rms),
+        of(after.gap.noise_floor)
     )];
     for one in &became {
         text.push(one.effect.clone());

@@ -10,6 +10,9 @@ use crate::CureError;
 /// Least probability of a cause that is written.
 const PROBABLE: f64 = 0.95;
 
+/// Channel of a report on efforts.
+const EFFORT: &str = "effort";
+
 /// An interval narrower than this share of its value is what rounding leaves of a constant.
 const CONSTANT: f64 = 1e-9;
 
@@ -22,7 +25,9 @@ pub(crate) struct Cause {
     pub(crate) parameters: Vec<ParameterEstimate>,
     /// Equals among which a person chose it, itself included; empty where there was no choice.
     pub(crate) chosen_from: Vec<String>,
-    /// Held-out root mean square of the gap without it and with it, m.
+    /// True where its interval is wider than the effect, and a person chose to write it.
+    pub(crate) is_vague: bool,
+    /// Held-out root mean square of the gap without it and with it, in the unit of the report.
     pub(crate) gap: [f64; 2],
     /// The same as the zero of a joint.
     pub(crate) joint_zero: Option<JointZero>,
@@ -95,11 +100,12 @@ pub(crate) fn kind(name: &str) -> &'static str {
 /// `members` are those of groups of equals that a person has chosen.
 ///
 /// # Errors
-/// [`CureError::Report`] for a report that is not of touches, and for a member of no group.
+/// [`CureError::Report`] for a report that is neither of touches nor of efforts, and for a member of no group.
 pub(crate) fn causes(report: &Report, members: &[String]) -> Result<Vec<Judged>, CureError> {
-    if report.channel != "touch" || report.gap.unit != "m" {
+    let displaces = report.channel == "touch" && report.gap.unit == "m";
+    if !displaces && report.channel != EFFORT {
         return Err(CureError::Report(format!(
-            "the report of {} is on the channel {}: only causes that displace a touch are written into a machine",
+            "the report of {} is on the channel {}: only causes that displace a touch, or take an effort, are written into a machine",
             report.bag, report.channel
         )));
     }
@@ -143,7 +149,7 @@ fn judged(report: &Report, effect: &Effect, members: &[String]) -> Judged {
     let group = group(effect);
     let chosen = members.iter().find(|name| group.contains(name));
     let name = chosen.unwrap_or(&effect.effect);
-    let of_machine = |name: &String| not_of_a_machine(name).is_none();
+    let of_machine = |name: &String| not_of_a_machine(name, report).is_none();
     if group.len() > 1 && chosen.is_none() && group.iter().any(of_machine) {
         let why = format!(
             "this session cannot tell it from {}; measure what tells them apart, or say which by --member",
@@ -151,7 +157,7 @@ fn judged(report: &Report, effect: &Effect, members: &[String]) -> Judged {
         );
         return refused(name, why);
     }
-    if let Some(why) = not_of_a_machine(name) {
+    if let Some(why) = not_of_a_machine(name, report) {
         return refused(name, why.to_owned());
     }
     if report.level == Level::Pattern {
@@ -168,13 +174,18 @@ fn judged(report: &Report, effect: &Effect, members: &[String]) -> Judged {
     let Some(parameters) = parameters(effect, name) else {
         return refused(name, "the report has no parameters of it".to_owned());
     };
-    if let Some(why) = vague(&parameters) {
-        return refused(name, why);
+    // What the data do not say of a link stays as it is declared.
+    let shrinks = name == "drive.link_inertia";
+    let is_vague = is_vague(&parameters) && !shrinks;
+    if is_vague && chosen.is_none() {
+        let why = "its 95 % interval is wider than the effect itself: measure more that shows it, or take it as it is by --member";
+        return refused(name, why.to_owned());
     }
     Ok(Cause {
         name: name.clone(),
         parameters,
         chosen_from: if group.len() > 1 { group } else { Vec::new() },
+        is_vague,
         gap: [effect.rms_before, effect.rms_after],
         joint_zero: (effect.joint_zero.clone()).filter(|_| *name == effect.effect),
     })
@@ -190,7 +201,7 @@ fn parameters(effect: &Effect, name: &str) -> Option<Vec<ParameterEstimate>> {
 }
 
 /// Why an effect is none that a machine could be told; `None` for one of machine or probe that lasts.
-fn not_of_a_machine(name: &str) -> Option<&'static str> {
+fn not_of_a_machine(name: &str, report: &Report) -> Option<&'static str> {
     if name.starts_with("thermal.") {
         return Some("it drifts, and is not frozen into a table");
     }
@@ -203,16 +214,19 @@ fn not_of_a_machine(name: &str) -> Option<&'static str> {
             "it belongs to the part, its clamping or the process, which are not written into a machine",
         ),
         Subject::Record => Some("it belongs to the records of one session, not to the machine"),
+        Subject::Drive if report.channel == EFFORT => None,
         Subject::Drive | Subject::Motion => {
             Some("it belongs to a drive or the time of moves, and displaces no touch")
         }
     }
 }
 
-/// Why the size of an effect is not known well enough: the interval is wider than the effect. Of several numbers, such as the errors of
+/// True where the size of an effect is not known well enough: the interval is wider than the effect. Of several numbers, such as the errors of
 /// a table, their root sums of squares are compared; constants have no interval, and a phase is none of them.
-fn vague(parameters: &[ParameterEstimate]) -> Option<String> {
-    let unit = &parameters.first()?.unit;
+fn is_vague(parameters: &[ParameterEstimate]) -> bool {
+    let Some(ParameterEstimate { unit, .. }) = parameters.first() else {
+        return false;
+    };
     let width = |one: &ParameterEstimate| one.ci95[1] - one.ci95[0];
     let fitted: Vec<&ParameterEstimate> = (parameters.iter())
         .filter(|one| one.unit == *unit && width(one) > CONSTANT * one.value.abs())
@@ -222,8 +236,5 @@ fn vague(parameters: &[ParameterEstimate]) -> Option<String> {
         squares.sum::<f64>().sqrt()
     };
     let (size, wide) = (norm(&|one| one.value), norm(&width));
-    (!fitted.is_empty() && !(wide <= size)).then(|| {
-        "its 95 % interval is wider than the effect itself: measure more touches that show it"
-            .to_owned()
-    })
+    !fitted.is_empty() && !(wide <= size)
 }

@@ -1,12 +1,13 @@
 //! What each maker's machine loads.
 
+mod arm;
+mod description;
 mod firmware;
 mod iso230;
 mod klipper;
 mod linuxcnc;
 mod linuxcnc_hal;
 mod linuxcnc_tool;
-mod origin;
 mod robot;
 mod sinumerik;
 mod table;

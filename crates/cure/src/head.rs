@@ -1,6 +1,6 @@
 //! What a written file says of itself, in comments: where it comes from, what it changes, how it is undone.
 
-use diagnosis::in_display_units;
+use diagnosis::{Report, in_display_units};
 
 use crate::cause::Cause;
 
@@ -50,17 +50,24 @@ pub(crate) fn number(value: f64) -> String {
     text
 }
 
+/// A root mean square of a report with its unit: µm of lengths.
+fn in_unit(size: f64, report: &Report) -> String {
+    match report.gap.unit.as_str() {
+        "m" => format!("{:.2} um", size * 1e6),
+        unit => format!("{size:.3} {unit}"),
+    }
+}
+
 /// Lines of a head, ASCII, without the signs of a comment.
 pub(crate) fn head(
-    origin: (&str, &str),
+    (report, digest): (&Report, &str),
     causes: &[Cause],
     changes: &[Change],
     stays: &[String],
     undo: &str,
 ) -> Vec<String> {
-    let (report, digest) = origin;
     let mut lines = vec![
-        format!("probecell cure, from the report {report}"),
+        format!("probecell cure, from the report {}", report.bag),
         format!("sha256 {digest}"),
     ];
     for cause in causes {
@@ -73,11 +80,20 @@ pub(crate) fn head(
         } else {
             ""
         };
-        let [before, after] = cause.gap.map(|size| size * 1e6);
+        let [before, after] = cause.gap.map(|size| in_unit(size, report));
+        let judged = if report.channel == "touch" {
+            "touches"
+        } else {
+            "samples"
+        };
         lines.push(format!("{}: {}{more} (95 %)", cause.name, sizes.join(", ")));
         lines.push(format!(
-            "  gap {before:.2} um -> {after:.2} um on touches that were not fitted"
+            "  gap {before} -> {after} on {judged} that were not fitted"
         ));
+        if cause.is_vague {
+            lines
+                .push("  its interval is wider than the effect: a person chose to write it".into());
+        }
         if !cause.chosen_from.is_empty() {
             lines.push(format!(
                 "  chosen by a person from {}",

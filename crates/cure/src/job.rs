@@ -40,6 +40,8 @@ pub struct Request<'a> {
     pub travel: [Option<f64>; 2],
     /// The robot description.
     pub urdf: Option<&'a File>,
+    /// The link that carries the tool, where the description has no `probe_mount`.
+    pub mount: Option<&'a str>,
     /// The machine's settings as they are now.
     pub current: Option<&'a File>,
 }
@@ -151,7 +153,12 @@ impl Job<'_> {
             .filter(|one| !causes.iter().any(|own| own.name == one.name));
         let others = others.map(|one| format!("{} (another file)", one.name));
         let stays: Vec<String> = others.chain(self.stays.iter().cloned()).collect();
-        let origin = (self.request.report.bag.as_str(), self.request.digest);
-        head(origin, causes, changes, &stays, undo)
+        head(
+            (self.request.report, self.request.digest),
+            causes,
+            changes,
+            &stays,
+            undo,
+        )
     }
 }

@@ -1,4 +1,4 @@
-//! From cause to cure: what a gap report found about a machine becomes what the machine loads.
+//! From cause to cure: what a gap report found about a machine becomes what the machine, or its simulation, loads.
 //!
 //! ```text
 //!   gap report ──> cause     certain or refused: probability, groups, intervals, whose fault it is

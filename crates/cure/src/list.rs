@@ -11,7 +11,7 @@ use crate::formats::FORMATS;
 pub struct Line {
     /// Identifier of the vocabulary.
     pub effect: String,
-    /// Root mean square of the gap without and with it, m, on touches that were not fitted.
+    /// Root mean square of the gap without and with it, in the unit of the report, on what was not fitted.
     pub gap: [f64; 2],
     /// What mends it: a file, a parameter, a hand on the machine.
     pub by: &'static str,
@@ -24,7 +24,7 @@ pub struct Line {
 /// The causes of a report in its order.
 ///
 /// # Errors
-/// [`CureError::Report`] for a report that is not of touches, and for a member of no group.
+/// [`CureError::Report`] for a report that is neither of touches nor of efforts, and for a member of no group.
 pub fn lines(report: &Report, members: &[String]) -> Result<Vec<Line>, CureError> {
     let judged = causes(report, members)?;
     let of = |(effect, judged): (&diagnosis::report::Effect, Judged)| {
@@ -57,6 +57,13 @@ fn mended_by(kind: &str) -> &'static str {
         "axis.<A>.error_motion" => "bearing or seat, by hand",
         "axis.<A>.lag" => "velocity gain of the position loop",
         "link.E<c>0<A>" => "kinematics of the control or robot, or alignment by hand",
+        "drive.payload" => "load of the description and of the controller",
+        "drive.link_inertia" => "masses of the description",
+        "drive.coulomb_friction" | "drive.viscous_friction" => {
+            "friction of the description, or lubrication by hand"
+        }
+        "drive.inertia" => "rotor inertia of the model (armature)",
+        "drive.effort_gain" => "unit or torque constant of the driver",
         "probe.stylus_length" => "length in the tool table",
         "probe.ball_radius" => "radius in the tool table, or qualify the probe",
         "probe.stylus_offset" | "probe.pretravel_lobing" | "probe.trigger_latency" => {
@@ -69,14 +76,18 @@ fn mended_by(kind: &str) -> &'static str {
 
 /// The list as text of at most 100 columns.
 pub fn table(report: &Report, lines: &[Line]) -> String {
+    let (unit, of) = (unit(report), |size| number(size, report));
     let mut text = vec![format!(
-        "{:<23} {:<56} {:>7} {:>10}",
-        "cause", "mended by", "gap, µm", "left, µm"
+        "{:<23} {:<54} {:>9} {:>10}",
+        "cause",
+        "mended by",
+        format!("gap, {unit}"),
+        format!("left, {unit}")
     )];
     for line in lines {
-        let [before, after] = line.gap.map(um);
+        let [before, after] = line.gap.map(of);
         text.push(format!(
-            "{:<23} {:<56} {before:>7} {after:>10}",
+            "{:<23} {:<54} {before:>9} {after:>10}",
             line.effect, line.by
         ));
         let remark = match (&line.refused, line.formats.is_empty()) {
@@ -87,15 +98,15 @@ pub fn table(report: &Report, lines: &[Line]) -> String {
         text.push(wrapped(&remark));
     }
     text.push(format!(
-        "of a gap of {} µm, {} µm stay when all that can be written is; the noise is {} µm",
-        um(report.gap.rms),
-        um(remains(report, lines)),
-        um(report.gap.noise_floor)
+        "of a gap of {} {unit}, {} {unit} stay when all that can be written is; the noise is {} {unit}",
+        of(report.gap.rms),
+        of(remains(report, lines)),
+        of(report.gap.noise_floor)
     ));
     text.join("\n")
 }
 
-/// Gap (m) that stays when all that can be written is.
+/// Gap that stays when all that can be written is.
 pub(crate) fn remains(report: &Report, lines: &[Line]) -> f64 {
     let written = (lines.iter()).filter(|line| line.refused.is_none() && !line.formats.is_empty());
     let gone: f64 = written
@@ -104,9 +115,20 @@ pub(crate) fn remains(report: &Report, lines: &[Line]) -> f64 {
     (report.gap.rms.powi(2) - gone).max(0.0).sqrt()
 }
 
-/// A size in µm.
-pub(crate) fn um(size: f64) -> String {
-    format!("{:.1}", size * 1e6)
+/// Unit in which a person reads the sizes of a report.
+pub(crate) fn unit(report: &Report) -> &str {
+    match report.gap.unit.as_str() {
+        "m" => "µm",
+        unit => unit,
+    }
+}
+
+/// A size of a report in that unit.
+pub(crate) fn number(size: f64, report: &Report) -> String {
+    match report.gap.unit.as_str() {
+        "m" => format!("{:.1}", size * 1e6),
+        _ => format!("{size:.3}"),
+    }
 }
 
 /// Words below a line, indented.

@@ -3,7 +3,7 @@
 //!
 //! Recursive Newton–Euler in body frames (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 5). Efforts are linear
 //! in ten inertial parameters of each body (Atkeson, An and Hollerbach 1986): mass m (kg), first moment m·c (kg m) and the
-//! inertia about the origin of the body's frame (kg m²), in the order m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz. Links
+//! inertia about the origin of the body's frame (kg m²), in the order of [`Inertial::parameters`]. Links
 //! behind fixed joints belong to the body that carries them; a joint that is not driven (a gripper) is held where it is.
 //! Gravity points along −z of `foundation`, whose own motion is none. rad, m, s, N m (N for a linear joint).
 
@@ -12,15 +12,12 @@ use std::collections::BTreeMap;
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
 use crate::{
-    JointKind,
+    Inertial, JointKind, PARAMETERS,
     chain::{FOUNDATION, PROBE_MOUNT, joint},
     description::ChainError,
     gravity::STANDARD_GRAVITY,
     urdf::Robot,
 };
-
-/// Inertial parameters of a body.
-pub const PARAMETERS: usize = 10;
 
 /// A wrench: force, and moment about the origin of a frame.
 type Wrench = (Vector3<f64>, Vector3<f64>);
@@ -36,6 +33,10 @@ pub struct Body {
     pub kind: JointKind,
     /// Its inertial parameters by the description, links behind fixed joints included.
     pub parameters: [f64; PARAMETERS],
+    /// Declared viscous friction, N m s/rad or N s/m.
+    pub damping: f64,
+    /// Declared dry friction, N m or N.
+    pub friction: f64,
     /// Distance of what hangs on it, m: to the next joint or to twice its centre of mass, whichever is farther.
     pub reach: f64,
     /// Index of the body that carries it; `None` on the foundation.
@@ -104,26 +105,6 @@ impl Motion {
     }
 }
 
-/// Inertial parameters about the origin of a frame of a link whose inertia (about its centre) is given in the frame.
-fn parameters(mass: f64, centre: &Vector3<f64>, inertia: &Matrix3<f64>) -> [f64; PARAMETERS] {
-    let moment = centre * mass;
-    // Parallel axes (Steiner).
-    let about = inertia
-        + (Matrix3::identity() * centre.norm_squared() - centre * centre.transpose()) * mass;
-    [
-        mass,
-        moment.x,
-        moment.y,
-        moment.z,
-        about[(0, 0)],
-        about[(0, 1)],
-        about[(1, 1)],
-        about[(0, 2)],
-        about[(1, 2)],
-        about[(2, 2)],
-    ]
-}
-
 impl Dynamics {
     /// Reads a URDF text. Joints named in `driven` move; all others are held at `held` (rad, m), 0 where that says nothing.
     ///
@@ -182,6 +163,8 @@ impl Dynamics {
                         link: raw.child.clone(),
                         kind: read.kind,
                         parameters: [0.0; PARAMETERS],
+                        damping: raw.friction[0],
+                        friction: raw.friction[1],
                         reach: 0.0,
                         parent: carrier,
                         origin: frame * read.origin,
@@ -201,7 +184,12 @@ impl Dynamics {
                     let centre = frame * nalgebra::Point3::from(read.centre_of_mass);
                     let turn = frame.rotation.to_rotation_matrix();
                     let inertia = turn * read.inertia * turn.transpose();
-                    let own = parameters(read.mass, &centre.coords, &inertia);
+                    let own = Inertial {
+                        mass: read.mass,
+                        centre: centre.coords,
+                        inertia,
+                    };
+                    let own = own.parameters();
                     let carrier = &mut tree.bodies[body];
                     for (sum, own) in carrier.parameters.iter_mut().zip(own) {
                         *sum += own;
@@ -469,7 +457,12 @@ mod tests {
         let (q, v, a) = (some(0.3), some(1.1), some(2.9));
         let centre = Vector3::new(0.02, -0.03, 0.1);
         let inertia = Matrix3::from_diagonal(&Vector3::new(0.01, 0.02, 0.03));
-        let own = parameters(2.5, &centre, &inertia);
+        let own = Inertial {
+            mass: 2.5,
+            centre,
+            inertia,
+        };
+        let own = own.parameters();
         let light = dynamics.efforts(&q, &v, &a);
         for (joint, row) in dynamics.load_regressor(&q, &v, &a).iter().enumerate() {
             let extra: f64 = row.iter().zip(own).map(|(column, own)| column * own).sum();

@@ -19,14 +19,14 @@
 //! | [`deviation`], [`contact`] | how far a touch is off its nominal surface |
 //! | [`links`], [`volumetric`] | geometric errors of the axes (ISO 230-1, ISO 230-7) and their compensation table |
 //! | [`frame`] | what a work offset moves |
-//! | [`Chain::gravity_efforts`] | how weight pulls at the axes |
+//! | [`Chain::gravity_efforts`], [`Dynamics`] | how weight pulls at the axes, and the efforts of a motion |
 //! | [`motion`], [`travel`] | how long moves take, and whether they stay within the travels |
 //! | [`tree`] | where every link is, for viewers |
 //! | [`geometry`], [`access`] | what the stylus would hit |
 //!
 //! Metres, radians, seconds. Frames are those of the interface contract (`docs/glossary.md`), told in [`chain`]: `foundation`,
 //! `workpiece`, `probe_mount`, and the part frame in which points and normals are given; formulas as in
-//! `docs/source_systems.md, D.2`. Axes are named after ISO 841. No dynamics but weight, and no file or bus access; why a real machine
+//! `docs/source_systems.md, D.2`. Axes are named after ISO 841. No file or bus access; why a real machine
 //! differs from this model is the question of `diagnosis`.
 //!
 //! ```
@@ -57,7 +57,8 @@ pub mod frame;
 pub mod geometry;
 mod gravity;
 pub mod head;
-pub mod inverse;
+pub mod inertial;
+mod inverse;
 pub mod kinematics;
 pub mod links;
 pub mod models;
@@ -76,9 +77,10 @@ pub use contact::Surface;
 pub use declared_motion::{MotionError, RawAxis, RawMotion};
 pub use description::ChainError;
 pub use deviation::{DeviationError, Nominal, touch_positions};
-pub use dynamics::{Body, Dynamics, PARAMETERS};
+pub use dynamics::{Body, Dynamics};
 pub use frame::WorkOffset;
 pub use head::{HEAD_AXES, SwivelHead};
+pub use inertial::{Inertial, PARAMETERS};
 pub use inverse::{ReachError, Target};
 pub use kinematics::{ChainErrors, NO_TWIST, PositionError, Sensitivity, Twist, displacement};
 pub use links::{LinkError, LinkNameError};

@@ -51,6 +51,8 @@ pub(crate) struct RawJoint {
     pub(crate) axis: Vector3<f64>,
     /// Lowest, highest and largest speed, if it has a `limit`.
     pub(crate) limit: Option<[f64; 3]>,
+    /// `damping` and `friction` of its `dynamics`; 0 where it has none.
+    pub(crate) friction: [f64; 2],
     pub(crate) mimics: bool,
 }
 
@@ -278,7 +280,14 @@ fn joint(of: Node<'_, '_>) -> Result<RawJoint, ChainError> {
             ])
         }
     };
+    let friction = |key: &str| -> Result<f64, ChainError> {
+        let Some(dynamics) = child(of, "dynamics") else {
+            return Ok(0.0);
+        };
+        Ok(numbers::<1>(of, dynamics, key)?.map_or(0.0, |[value]| value))
+    };
     Ok(RawJoint {
+        friction: [friction("damping")?, friction("friction")?],
         name: attribute(of, of, "name")?.to_owned(),
         kind: attribute(of, of, "type")?.to_owned(),
         parent: link("parent")?,

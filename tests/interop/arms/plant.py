@@ -12,6 +12,7 @@ import robots
 GRAVITY = 9.80665  # m/s²
 STEP = 1e-3  # s, of the simulated servo
 SLOWEST, FASTEST = 40.0, 100.0  # rad/s, of the joints' servos
+SLIPS = 0.01  # rad/s, above which a joint has all of its dry friction
 START = 1_780_000_000  # s, the first stamp
 
 # Description, its flange, and joints that are held.
@@ -56,13 +57,16 @@ class Arm:
         self.model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
         self.joints = list(self.model.names)[1:]
         self.count = len(self.joints)
+        # What it declares, N m per rad/s and N m.
+        self.damping, self.friction = np.abs(np.asarray(self.model.damping)), np.abs(np.asarray(self.model.lowerDryFrictionLimit))
         self.mass = sum(inertia.mass for inertia in self.model.inertias)
         self.low, self.high = self.model.lowerPositionLimit.copy(), self.model.upperPositionLimit.copy()
         self.fastest = np.minimum(self.model.velocityLimit, 3.0)
 
     def efforts(self, model, q, v, a):
         data = model.createData()
-        return np.array([pinocchio.rnea(model, data, *row) for row in zip(q, v, a)])
+        rigid = np.array([pinocchio.rnea(model, data, *row) for row in zip(q, v, a)])
+        return rigid + self.damping * v + self.friction * np.tanh(v / SLIPS)
 
     def weight(self, q):
         still = np.zeros_like(q)
@@ -278,7 +282,7 @@ def effort_session(arm, moved, draw, ways, folder, random):
         each = 0.1 * size * shape * usual
         if draw.cause == "coulomb":
             value = each
-            more = [value * np.sign(state[1]) for state in states]
+            more = [value * np.tanh(state[1] / SLIPS) for state in states]
         elif draw.cause == "viscous":
             value = each / speed
             more = [value * state[1] for state in states]

@@ -1,4 +1,4 @@
-//! Robots: calibrated robot descriptions, the kinematics of Universal Robots, offsets of `robot_calibration`.
+//! Robots: calibrated robot descriptions (masses and friction: [`super::arm`]), the kinematics of Universal Robots, offsets of `robot_calibration`.
 //!
 //! A location error acts right after the origin of its joint, before its motion (interface contract), so that the origin of the
 //! calibrated joint is that of the nominal one times the displacement of the error; the zero of a joint is such an error about its own
@@ -14,7 +14,8 @@ use nalgebra::Isometry3;
 
 use crate::CureError;
 use crate::cause::Cause;
-use crate::formats::origin::with_origins;
+use crate::formats::arm;
+use crate::formats::description::Description;
 use crate::head::{Change, commented, number};
 use crate::job::{Format, Job};
 
@@ -25,8 +26,14 @@ const COMPONENTS: [char; 6] = ['X', 'Y', 'Z', 'A', 'B', 'C'];
 /// A robot description with calibrated origins.
 pub(crate) const URDF: Format = Format {
     name: "urdf",
-    about: "the robot description with calibrated origins of joints; --urdf FILE",
-    holds: HOLDS,
+    about: "the robot description with calibrated origins, masses and friction; --urdf FILE",
+    holds: &[
+        HOLDS[0],
+        arm::HOLDS[0],
+        arm::HOLDS[1],
+        arm::HOLDS[2],
+        arm::HOLDS[3],
+    ],
     write: urdf,
 };
 
@@ -93,18 +100,17 @@ fn component(cause: &Cause) -> Option<(usize, &str)> {
 fn urdf(job: &Job<'_>) -> Result<String, CureError> {
     let file = job.urdf()?;
     let found = calibrated(job)?;
-    let origins: BTreeMap<&str, Isometry3<f64>> = (found.iter())
-        .map(|(name, joint)| (name.as_str(), joint.origin()))
-        .collect();
+    let mut description = Description::of(file)?;
+    for (name, joint) in &found {
+        description.origin(name, &joint.origin())?;
+    }
+    let (masses, remarks) = arm::write(job, &mut description)?;
+    let changes: Vec<Change> = changes(&found).into_iter().chain(masses).collect();
     let undo = format!("use {} again", file.name);
-    let head = job.head(&job.causes, &changes(&found), &undo);
-    // Two hyphens would end the comment.
-    let head: Vec<String> = head
-        .iter()
-        .map(|line| line.replace("--", "- -").replace("->", "to"))
-        .collect();
-    let comment = format!("<!-- {} -->\n", head.join("\n     "));
-    with_origins(file, &origins, &comment)
+    let mut head = job.head(&job.causes, &changes, &undo);
+    let undo = head.len() - 1;
+    head.splice(undo..undo, remarks);
+    Ok(description.changed(&head))
 }
 
 /// Each number of an origin that differs.

@@ -60,6 +60,7 @@ pub(crate) fn written<'a>(
         points: None,
         travel: [None; 2],
         urdf: None,
+        mount: None,
         current: None,
     };
     change(&mut request);

@@ -1,6 +1,6 @@
 //! Why an arm takes another effort than its description says: families of causes over the equation of motion of the whole tree.
 //!
-//! Measured effort less inverse dynamics is linear in friction, rotor inertia, a load at the flange, inertial parameters of the
+//! Measured effort less inverse dynamics and declared friction is linear in friction, rotor inertia, a load at the flange, inertial parameters of the
 //! links and gains of the efforts (Gautier and Khalil 1990; Swevers et al. 1997). Each family has one size, all sizes by the
 //! evidence ([`inference::relevance`]), joints weighted by what they leave, correlated samples counted as fewer. A family is named
 //! where the evidence holds it and left-out stretches of time, or withheld motions, shrink. N m or N, as recorded.
@@ -26,7 +26,7 @@ const NOT_TOLD: f64 = 4.6;
 /// Families whose sizes are fitted at each step, and how small those in use begin once more.
 const TRIED: usize = 4;
 const SHRUNK: f64 = 0.01;
-/// Least share of what is left of left-out stretches (rms) that a family closes.
+/// Least share of what is left of left-out stretches, and of the judging motion, that a family closes (rms).
 const CLOSES: f64 = 0.01;
 /// The arm moves where a joint is faster than this share of its usual speed.
 const MOVING: f64 = 0.02;
@@ -84,6 +84,8 @@ pub(super) struct Efforts<'a> {
     stretches: BTreeMap<(usize, usize), Sums>,
 }
 
+/// Columns and their coefficients.
+type Coefficients = (Vec<usize>, DVector<f64>);
 /// Weighted inner products of columns, and of columns with the data.
 type Sums = (DMatrix<f64>, DVector<f64>);
 
@@ -178,13 +180,13 @@ impl<'a> Efforts<'a> {
             for (joint, links) in links.iter().enumerate() {
                 let nominal = self.dynamics.nominal(links);
                 let sign = track.sign[joint][sample];
+                let body = &self.dynamics.bodies()[joint];
+                let declared = body.damping * speed[joint] + body.friction * sign;
                 let mut row = vec![0.0; self.width];
                 for family in &self.families {
-                    if family
-                        .sessions
-                        .as_ref()
-                        .is_some_and(|of| !of.contains(&session))
-                    {
+                    // Whether a withheld session has a load that only some have is asked of it (`without_loads`).
+                    let acts = (family.sessions.as_ref()).is_none_or(|of| of.contains(&session));
+                    if !acts && !withheld {
                         continue;
                     }
                     let own = &mut row[family.span.clone()];
@@ -196,7 +198,7 @@ impl<'a> Efforts<'a> {
                         "drive.viscous_friction" => own[joint] = speed[joint],
                         "drive.friction_offset" => own[joint] = 1.0,
                         "drive.inertia" => own[joint] = acceleration[joint],
-                        "drive.effort_gain" => own[joint] = nominal,
+                        "drive.effort_gain" => own[joint] = nominal + declared,
                         "drive.payload" => own.copy_from_slice(&load[joint]),
                         _ => own.copy_from_slice(links),
                     }
@@ -204,7 +206,7 @@ impl<'a> Efforts<'a> {
                         *value *= usual;
                     }
                 }
-                let y = track.effort[joint][sample] - nominal;
+                let y = track.effort[joint][sample] - nominal - declared;
                 rows[joint * STRETCHES + stretch].push((sample, y, row));
             }
         }
@@ -335,7 +337,22 @@ impl<'a> Efforts<'a> {
             }
             fit = without;
         }
+        while let Some(load) = self.weightless(&fit) {
+            fit = products.fit(fit.sizes.without(load))?;
+        }
         Some(fit)
+    }
+
+    /// Place in a fit of a load in all motions whose mass may be none beside what the links can do in its place.
+    fn weightless(&self, fit: &Fit) -> Option<usize> {
+        let is = |family: usize, effect: &str| self.families[family].effect == effect;
+        let families = &fit.sizes.families;
+        let links = families.iter().any(|&one| is(one, "drive.link_inertia"));
+        let mut loads = (0..families.len()).filter(|&place| {
+            is(families[place], "drive.payload")
+                && self.families[families[place]].sessions.is_none()
+        });
+        loads.find(|&place| links && !(self.estimates(fit, families[place])[0].ci95[0] > 0.0))
     }
 
     /// True where no load has less than no mass.
@@ -376,11 +393,7 @@ impl<'a> Efforts<'a> {
     }
 
     /// Columns and coefficients of the families of a fit at its sizes, from all fitted rows, or from those that are not `left_out`.
-    fn coefficients(
-        &self,
-        fit: &Fit,
-        left_out: Option<&Sums>,
-    ) -> Option<(Vec<usize>, DVector<f64>)> {
+    fn coefficients(&self, fit: &Fit, left_out: Option<&Sums>) -> Option<Coefficients> {
         let mut columns = Vec::new();
         let mut precision = Vec::new();
         for (&family, variance) in fit.sizes.families.iter().zip(&fit.sizes.variances) {
@@ -414,7 +427,7 @@ impl<'a> Efforts<'a> {
     /// turn.
     fn left(&self, fit: &Fit, judged: bool) -> Option<Vec<Left>> {
         let mut all = Vec::new();
-        let residual = |block: &Block, (columns, theta): &(Vec<usize>, DVector<f64>)| Left {
+        let residual = |block: &Block, (columns, theta): &Coefficients| Left {
             session: block.session,
             stretch: block.stretch,
             joint: block.joint,
@@ -425,8 +438,11 @@ impl<'a> Efforts<'a> {
         };
         if judged && !self.withheld.is_empty() {
             let theta = self.coefficients(fit, None)?;
-            let blocks = self.blocks.iter().filter(|block| block.withheld);
-            all.extend(blocks.map(|block| residual(block, &theta)));
+            for session in self.fitted.len()..self.fitted.len() + self.withheld.len() {
+                let (theta, _) = self.without_loads(fit, &theta, session);
+                let blocks = self.blocks.iter().filter(|block| block.session == session);
+                all.extend(blocks.map(|block| residual(block, &theta)));
+            }
             return Some(all);
         }
         let columns = self.coefficients(fit, None)?.0;
@@ -438,6 +454,42 @@ impl<'a> Efforts<'a> {
             all.extend(own.map(|block| residual(block, &theta)));
         }
         Some(all)
+    }
+
+    /// Coefficients for a withheld session, and the families of loads that it does not have: of those that act in some sessions only
+    /// it has those that leave less of it.
+    fn without_loads(
+        &self,
+        fit: &Fit,
+        (columns, theta): &Coefficients,
+        session: usize,
+    ) -> (Coefficients, Vec<usize>) {
+        let left = |theta: &DVector<f64>| -> f64 {
+            let blocks = self.blocks.iter().filter(|block| block.session == session);
+            let squares = blocks.map(|block| {
+                let left = &block.y - block.matrix.select_columns(columns) * theta;
+                left.norm_squared() * self.weights[block.joint]
+            });
+            squares.sum()
+        };
+        let (mut theta, mut absent) = (theta.clone(), Vec::new());
+        let some = fit.sizes.families.iter();
+        for &family in some.filter(|one| self.families[**one].sessions.is_some()) {
+            let mut without = theta.clone();
+            let span = &self.families[family].span;
+            for (place, _) in columns
+                .iter()
+                .enumerate()
+                .filter(|(_, one)| span.contains(*one))
+            {
+                without[place] = 0.0;
+            }
+            if left(&without) < left(&theta) {
+                theta = without;
+                absent.push(family);
+            }
+        }
+        ((columns.clone(), theta), absent)
     }
 
     fn fit_of(products: &Products, families: &[usize], fit: &Fit) -> Option<Fit> {
@@ -483,32 +535,38 @@ impl<'a> Efforts<'a> {
         let beginning = self.left(&Self::fit_of(&products, &[], &fit)?, true)?;
         let mut former = beginning.clone();
         let mut kept: Vec<usize> = Vec::new();
-        for &family in &order {
+        // What does not help another motion is no cause, unless it does beside one that comes later.
+        let mut next = 0;
+        while let Some(&family) = order.get(next) {
             kept.push(family);
             let fit = Self::fit_of(&products, &kept, &current)?;
             let left = self.left(&fit, true)?;
-            // What makes another motion worse is no cause.
-            if size(&left) > size(&former) {
+            if size(&left) > (1.0 - CLOSES) * size(&former) {
                 kept.pop();
+                next += 1;
                 continue;
             }
             effects.push(self.effect(&products, &current, family, (&former, &left)));
             former = left;
+            order.remove(next);
+            next = 0;
         }
-        let loads = kept.iter().map(|&family| &self.families[family]);
-        let loads = loads.filter(|family| family.effect == "drive.payload");
-        let remark = |load: &Family| match &load.sessions {
+        let fit = Self::fit_of(&products, &kept, &current)?;
+        let theta = self.coefficients(&fit, None)?;
+        let loads = (kept.iter().copied())
+            .filter(|&family| self.families[family].effect == "drive.payload");
+        let remark = |family: usize| match &self.families[family].sessions {
             None => {
                 "a load and heavier links are told apart by a motion without the load".to_owned()
             }
             Some(sessions) => {
-                let names = sessions
-                    .iter()
-                    .map(|&one| self.fitted[one].session.as_str());
-                format!(
-                    "the load acts in {} only",
-                    names.collect::<Vec<_>>().join(" and ")
-                )
+                let judging = self.fitted.len()..self.fitted.len() + self.withheld.len();
+                let judging = judging
+                    .filter(|&one| !self.without_loads(&fit, &theta, one).1.contains(&family));
+                let tracks = self.tracks();
+                let acts = sessions.iter().copied().chain(judging);
+                let names: Vec<&str> = acts.map(|one| tracks[one].session.as_str()).collect();
+                format!("the load acts in {} only", names.join(" and "))
             }
         };
         Some(Named {
@@ -624,13 +682,16 @@ impl<'a> Efforts<'a> {
                 ci95: [value - half, value + half],
             }
         });
-        if own.effect != "drive.link_inertia" {
-            return estimates.collect();
+        let mut estimates: Vec<ParameterEstimate> = estimates.collect();
+        if own.effect == "drive.link_inertia" {
+            // Those that differ from the description for sure come first.
+            let certainty = |one: &ParameterEstimate| {
+                let half = 0.5 * (one.ci95[1] - one.ci95[0]);
+                (one.value / half.max(f64::MIN_POSITIVE)).abs()
+            };
+            estimates.sort_by(|one, other| certainty(other).total_cmp(&certainty(one)));
         }
-        // Of all parameters of the links only those that differ from the description for sure.
         estimates
-            .filter(|one| one.ci95[0] * one.ci95[1] > 0.0)
-            .collect()
     }
 
     /// Covariance of the coefficients where the links may have any size of theirs: a load that acts in all

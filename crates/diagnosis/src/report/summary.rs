@@ -148,11 +148,8 @@ fn write_effect(
         writeln!(to, "    as {}:", effect.effect)?;
     }
     let all = effect.parameters.len();
-    let listed = if effect.is_family() {
-        all.min(LISTED)
-    } else {
-        all
-    };
+    let is_family = effect.is_family() || effect.effect == "drive.link_inertia";
+    let listed = if is_family { all.min(LISTED) } else { all };
     for parameter in &effect.parameters[..listed] {
         writeln!(to, "    {}", parameter_text(parameter))?;
     }

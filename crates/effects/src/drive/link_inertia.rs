@@ -1,7 +1,7 @@
 //! `drive.link_inertia`: inertial parameters of the links other than declared.
 //!
 //! One family of ten parameters a link, whose sizes shrink towards the description (base parameters: Gautier and Khalil 1990).
-//! Reported are those that differ from the description for sure.
+//! Those that differ from the description for sure are reported first.
 
 use super::acts_on;
 use crate::effect::{Definition, Effect};

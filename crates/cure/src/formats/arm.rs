@@ -1,0 +1,162 @@
+//! What an arm in motion showed, in its robot description: a load at the flange, masses of the links, friction of the joints.
+//!
+//! A load is added to the link on which it hangs, what was found of a link to that link, friction to what a joint declares already.
+//! A body stays one that can exist ([`Inertial::nearest`]); where that takes something off, the file says so.
+
+use std::collections::BTreeMap;
+
+use machine::inertial::declared_friction;
+use machine::{Inertial, PARAMETERS, as_cell};
+use nalgebra::{Matrix3, Vector3};
+
+use super::description::Description;
+use crate::CureError;
+use crate::cause::Cause;
+use crate::head::Change;
+use crate::job::Job;
+
+/// Effects of an arm in motion that a robot description holds.
+pub(super) const HOLDS: [&str; 4] = [PAYLOAD, LINKS, COULOMB, VISCOUS];
+const PAYLOAD: &str = "drive.payload";
+const LINKS: &str = "drive.link_inertia";
+const COULOMB: &str = "drive.coulomb_friction";
+const VISCOUS: &str = "drive.viscous_friction";
+
+/// Least mass of a link over what it has.
+const LEAST: f64 = 0.05;
+
+/// A body is another than the one found where a parameter differs by more than this share of what its mass makes at its centre, or at
+/// this distance (m).
+const ROUNDED: f64 = 0.01;
+const SMALL: f64 = 0.01;
+
+/// Least change that the file names, kg or m.
+const SHOWN: f64 = 1e-6;
+
+/// Names of the inertial parameters of a link in a report, in the order of [`Inertial::parameters`].
+const NAMES: [&str; PARAMETERS] = [
+    "mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz",
+];
+
+/// Writes what the causes of a job say of masses and friction; what it changes, and what has no place there.
+pub(super) fn write(
+    job: &Job<'_>,
+    description: &mut Description<'_>,
+) -> Result<(Vec<Change>, Vec<String>), CureError> {
+    let (mut changes, mut remarks) = (Vec::new(), Vec::new());
+    for (link, added) in masses(job)? {
+        let text = &job.urdf()?.text;
+        let before = Inertial::of_link(text, &link)?.ok_or_else(|| missing(job, "link", &link))?;
+        let mut parameters = before.parameters();
+        for (sum, more) in parameters.iter_mut().zip(added) {
+            *sum += more;
+        }
+        let mass = before.mass.max(added[0]);
+        let after = Inertial::nearest(&parameters, LEAST * mass);
+        let size = mass * after.centre.norm_squared().max(SMALL * SMALL);
+        let mut pairs = after.parameters().into_iter().zip(parameters);
+        if pairs.any(|(made, asked)| (made - asked).abs() > ROUNDED * size) {
+            remarks.push(format!(
+                "{link}: no body has the inertia that was found; it has the nearest"
+            ));
+        }
+        description.inertial(&link, &after)?;
+        let numbers = |body: &Inertial| [body.mass, body.centre.x, body.centre.y, body.centre.z];
+        let pairs = numbers(&before).into_iter().zip(numbers(&after));
+        let named = pairs.zip(["mass, kg", "x, m", "y, m", "z, m"]);
+        let changed = named.filter(|((before, after), _)| (before - after).abs() > SHOWN);
+        changes.extend(changed.map(|((before, after), what)| Change {
+            what: format!("{link} {what}"),
+            before: Some(before),
+            after,
+            interval: None,
+        }));
+    }
+    friction(job, description, (&mut changes, &mut remarks))?;
+    Ok((changes, remarks))
+}
+
+fn missing(job: &Job<'_>, kind: &str, name: &str) -> CureError {
+    CureError::File {
+        file: job
+            .request
+            .urdf
+            .map_or_else(String::new, |file| file.name.clone()),
+        what: format!("it has no {kind} {name}, of which the report speaks"),
+    }
+}
+
+fn causes<'j>(job: &'j Job<'_>, name: &'static str) -> impl Iterator<Item = &'j Cause> {
+    job.causes.iter().filter(move |cause| cause.name == name)
+}
+
+/// What is added to the inertial parameters of each link.
+fn masses(job: &Job<'_>) -> Result<BTreeMap<String, [f64; PARAMETERS]>, CureError> {
+    let mut all: BTreeMap<String, [f64; PARAMETERS]> = BTreeMap::new();
+    for cause in causes(job, LINKS) {
+        for one in &cause.parameters {
+            let (link, what) = one.name.rsplit_once('.').unwrap_or_default();
+            if let Some(column) = NAMES.iter().position(|name| *name == what) {
+                all.entry(link.to_owned()).or_insert([0.0; PARAMETERS])[column] += one.value;
+            }
+        }
+    }
+    for cause in causes(job, PAYLOAD) {
+        let load = Inertial {
+            mass: cause.value("mass"),
+            centre: Vector3::new(cause.value("x"), cause.value("y"), cause.value("z")),
+            inertia: Matrix3::zeros(),
+        };
+        let joints = job.request.report.place.iter();
+        let joints: Vec<String> = joints
+            .filter(|place| place.dimension == "axis")
+            .map(|place| place.key.clone())
+            .collect();
+        let link = as_cell(&job.urdf()?.text, job.request.mount, &joints)?.mount;
+        let sum = all.entry(link).or_insert([0.0; PARAMETERS]);
+        for (sum, more) in sum.iter_mut().zip(load.parameters()) {
+            *sum += more;
+        }
+    }
+    Ok(all)
+}
+
+/// Friction of each joint.
+fn friction(
+    job: &Job<'_>,
+    description: &mut Description<'_>,
+    (changes, remarks): (&mut Vec<Change>, &mut Vec<String>),
+) -> Result<(), CureError> {
+    let mut found: BTreeMap<&str, [Option<f64>; 2]> = BTreeMap::new();
+    for (number, name) in [VISCOUS, COULOMB].into_iter().enumerate() {
+        for one in causes(job, name).flat_map(|cause| &cause.parameters) {
+            match one.name.rsplit_once('.') {
+                Some((joint, "coefficient")) => {
+                    found.entry(joint).or_default()[number] = Some(one.value)
+                }
+                _ => remarks.push(format!(
+                    "{} of {name} has no place in a robot description",
+                    one.name
+                )),
+            }
+        }
+    }
+    for (joint, found) in found {
+        let declared = declared_friction(&job.urdf()?.text, joint)?;
+        let declared = declared.ok_or_else(|| missing(job, "joint", joint))?;
+        let mut written = [None; 2];
+        for (number, what) in ["damping", "friction"].into_iter().enumerate() {
+            let Some(more) = found[number] else { continue };
+            let after = (declared[number] + more).max(0.0);
+            written[number] = Some(after);
+            changes.push(Change {
+                what: format!("{joint} {what}"),
+                before: Some(declared[number]),
+                after,
+                interval: None,
+            });
+        }
+        description.friction(joint, written)?;
+    }
+    Ok(())
+}
