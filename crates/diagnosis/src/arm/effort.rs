@@ -508,50 +508,36 @@ impl<'a> Efforts<'a> {
     pub(super) fn named(&self) -> Option<Named> {
         let products = self.products();
         let fit = self.selected(&products)?;
-        let mut rest = fit.sizes.families.clone();
-        let mut order: Vec<usize> = Vec::new();
-        let mut current = Self::fit_of(&products, &order, &fit)?;
-        let mut before = self.left(&current, false)?;
-        // The one that closes most comes first.
-        while !rest.is_empty() {
-            let with = |family: usize| -> Option<(Vec<Left>, Fit, usize)> {
-                let more: Vec<usize> = order.iter().copied().chain([family]).collect();
-                let fit = Self::fit_of(&products, &more, &fit)?;
-                Some((self.left(&fit, false)?, fit, family))
-            };
-            let best = (rest.iter())
-                .filter(|&&family| !self.is_wider(family, &rest))
-                .filter_map(|&family| with(family));
-            let (after, fit, family) = best.min_by(|a, b| size(&a.0).total_cmp(&size(&b.0)))?;
-            let closes = size(&after) < (1.0 - CLOSES) * size(&before);
-            if !closes || !better(&stretches(&before), &stretches(&after)) {
-                break;
-            }
-            rest.retain(|&one| one != family);
-            order.push(family);
-            (current, before) = (fit, after);
-        }
-        let mut effects: Vec<Effect> = Vec::new();
-        let beginning = self.left(&Self::fit_of(&products, &[], &fit)?, true)?;
-        let mut former = beginning.clone();
-        let mut kept: Vec<usize> = Vec::new();
-        // What does not help another motion is no cause, unless it does beside one that comes later.
+        let mut order = self.order(&products, &fit)?;
+        let left = |families: &[usize], judged: bool| {
+            self.left(&Self::fit_of(&products, families, &fit)?, judged)
+        };
+        let mut before = [left(&[], false)?, left(&[], true)?];
+        let beginning = before[1].clone();
+        let (mut kept, mut steps): (Vec<usize>, Vec<[Vec<Left>; 2]>) = (Vec::new(), Vec::new());
+        // What does not help stretches that were left out and another motion is no cause, unless it does beside one that comes later.
         let mut next = 0;
         while let Some(&family) = order.get(next) {
             kept.push(family);
-            let fit = Self::fit_of(&products, &kept, &current)?;
-            let left = self.left(&fit, true)?;
-            if size(&left) > (1.0 - CLOSES) * size(&former) {
+            let after = [left(&kept, false)?, left(&kept, true)?];
+            let mut pairs = before.iter().zip(&after);
+            let closes = pairs.all(|(before, after)| size(after) < (1.0 - CLOSES) * size(before));
+            if !closes || !better(&stretches(&before[0]), &stretches(&after[0])) {
                 kept.pop();
                 next += 1;
                 continue;
             }
-            effects.push(self.effect(&products, &current, family, (&former, &left)));
-            former = left;
+            steps.push([before[1].clone(), after[1].clone()]);
+            before = after;
             order.remove(next);
             next = 0;
         }
-        let fit = Self::fit_of(&products, &kept, &current)?;
+        let fit = Self::fit_of(&products, &kept, &fit)?;
+        let named = kept.iter().zip(&steps);
+        let effects = named.map(|(&family, [before, after])| {
+            self.effect(&products, &fit, family, (before, after))
+        });
+        let effects = effects.collect();
         let theta = self.coefficients(&fit, None)?;
         let loads = (kept.iter().copied())
             .filter(|&family| self.families[family].effect == "drive.payload");
@@ -573,8 +559,35 @@ impl<'a> Efforts<'a> {
             effects,
             remarks: loads.map(remark).collect(),
             before: beginning,
-            after: former,
+            after: before[1].clone(),
         })
+    }
+
+    /// The families of a fit, the one first without which all others leave most of left-out stretches; of what is wider the narrower
+    /// comes first.
+    fn order(&self, products: &Products, fit: &Fit) -> Option<Vec<usize>> {
+        let (mut rest, mut order) = (fit.sizes.families.clone(), Vec::new());
+        while !rest.is_empty() {
+            let without = |family: usize| -> Option<(f64, usize)> {
+                let others: Vec<usize> =
+                    rest.iter().copied().filter(|&one| one != family).collect();
+                let left = self.left(&Self::fit_of(products, &others, fit)?, false)?;
+                Some((size(&left), family))
+            };
+            let wide = rest.iter().find(|&&one| self.is_wider(one, &rest)).copied();
+            let left = rest
+                .iter()
+                .filter(|&&one| wide.is_none_or(|wide| wide == one || !self.is_load(one)));
+            let least = left.filter_map(|&family| without(family));
+            let (_, family) = least.min_by(|a, b| a.0.total_cmp(&b.0))?;
+            rest.retain(|&one| one != family);
+            order.insert(0, family);
+        }
+        Some(order)
+    }
+
+    fn is_load(&self, family: usize) -> bool {
+        self.families[family].effect == "drive.payload"
     }
 
     /// True where a family can do what another of these does: the parameters of the links hold those of a load.
