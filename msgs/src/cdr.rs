@@ -4,6 +4,7 @@
 //! either order. XCDR2 and parameter lists are refused. Bytes inside padding are not looked at.
 
 use byteorder::{BigEndian, LittleEndian};
+use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 use crate::Message;
@@ -55,15 +56,22 @@ pub fn to_cdr(message: &impl Message) -> Vec<u8> {
 ///
 /// Memory taken is bounded by a small multiple of the input, whatever lengths the input claims.
 pub fn from_cdr<M: Message>(bytes: &[u8]) -> Result<M, CdrError> {
+    record_from_cdr(M::TYPE.name, bytes)
+}
+
+/// As [`from_cdr`], of a struct that is no message of this package: fields in the order of the definition of the type `name`.
+pub fn record_from_cdr<T: DeserializeOwned>(
+    name: &'static str,
+    bytes: &[u8],
+) -> Result<T, CdrError> {
     let Some(([first, second, _, _], body)) = bytes.split_first_chunk::<4>() else {
         return Err(CdrError::Short(bytes.len()));
     };
     let decoded = match u16::from_be_bytes([*first, *second]) {
-        0 => cdr_encoding::from_bytes::<M, BigEndian>(body),
-        1 => cdr_encoding::from_bytes::<M, LittleEndian>(body),
+        0 => cdr_encoding::from_bytes::<T, BigEndian>(body),
+        1 => cdr_encoding::from_bytes::<T, LittleEndian>(body),
         other => return Err(CdrError::Representation(other)),
     };
-    let name = M::TYPE.name;
     let (message, read) = decoded.map_err(|error| CdrError::Body {
         name,
         reason: error.to_string(),

@@ -53,7 +53,7 @@ mod schema;
 mod type_description;
 mod words;
 
-pub use cdr::{CdrError, from_cdr, to_cdr};
+pub use cdr::{CdrError, from_cdr, record_from_cdr, to_cdr};
 pub use code::UnknownCode;
 pub use describe::Value;
 pub use generated::*;

@@ -47,8 +47,16 @@ impl Migration {
     /// # Errors
     /// [`MigrationError`] where the messages cannot be read as that type.
     pub fn new(recorded: &str, to: &MessageType) -> Result<Self, MigrationError> {
-        let from = definition::parse(to.name, recorded)?;
-        let to = definition::parse(to.name, to.definition)?;
+        Self::between(to.name, recorded, to.definition)
+    }
+
+    /// From a definition to another of the type `name`, such as the fields of a foreign type that are of interest.
+    ///
+    /// # Errors
+    /// [`MigrationError`] where the messages cannot be read as that definition.
+    pub fn between(name: &str, recorded: &str, wanted: &str) -> Result<Self, MigrationError> {
+        let from = definition::parse(name, recorded)?;
+        let to = definition::parse(name, wanted)?;
         if let (Type::Record(from), Type::Record(to)) = (&from, &to)
             && !to.iter().any(|(name, _)| field(from, name).is_some())
         {

@@ -4,6 +4,7 @@ pub mod columns;
 pub mod contacts;
 pub mod features;
 pub mod frame;
+pub mod motion;
 pub mod readings;
 pub mod reference;
 pub mod table_reference;

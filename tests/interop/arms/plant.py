@@ -40,6 +40,29 @@ uint32 nanosec
 """
 
 
+POINT = """================================================================================
+MSG: trajectory_msgs/JointTrajectoryPoint
+float64[] positions
+float64[] velocities
+float64[] accelerations
+float64[] effort
+builtin_interfaces/Duration time_from_start
+================================================================================
+MSG: builtin_interfaces/Duration
+int32 sec
+uint32 nanosec
+"""
+STANDARD = STATE[STATE.index("=" * 80) :]
+# control_msgs/JointTrajectoryControllerState of ROS 2 Humble, and of Jazzy without its parts for several degrees of freedom.
+CONTROLLER = {
+    "desired": "std_msgs/Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint desired\n"
+    "trajectory_msgs/JointTrajectoryPoint actual\ntrajectory_msgs/JointTrajectoryPoint error\n" + STANDARD + POINT,
+    "reference": "std_msgs/Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint reference\n"
+    "trajectory_msgs/JointTrajectoryPoint feedback\ntrajectory_msgs/JointTrajectoryPoint error\n"
+    "trajectory_msgs/JointTrajectoryPoint output\nfloat64 speed_scaling_factor\n" + STANDARD + POINT,
+}
+
+
 def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
@@ -427,6 +450,8 @@ def record(path, arm, times, states, commands=None):
         writer = mcap_ros2.writer.Writer(file)
         description = writer.register_msgdef("std_msgs/msg/String", "string data")
         state = writer.register_msgdef("sensor_msgs/msg/JointState", STATE)
+        controller = "control_msgs/msg/JointTrajectoryControllerState"
+        controllers = {} if commands is None else {name: writer.register_msgdef(controller, text) for name, text in CONTROLLER.items()}
         begun = START * 10**9
         writer.write_message("/cell/robot_description", description, {"data": arm.text}, begun, begun)
         position, velocity, effort = states
@@ -446,5 +471,12 @@ def record(path, arm, times, states, commands=None):
             instant = begun + 10**9 + round(time * 1e9)
             if commands is not None:
                 send("/cell/joint_commands", row, instant, commands)
+            # What a controller says of itself, as two releases of ROS 2 have it.
+            for name, schema in controllers.items():
+                sec, nanosec = divmod(instant, 10**9)
+                point = {"positions": commands[row].tolist()}
+                header = {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": ""}
+                message = {"header": header, "joint_names": arm.joints, name: point}
+                writer.write_message(f"/controller/{name}", schema, message, instant, instant, row)
             send("/cell/joint_states", row, instant, position, velocity, effort)
         writer.finish()

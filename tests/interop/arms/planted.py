@@ -5,6 +5,7 @@
 SESSIONS of each cause; FOLDER keeps the recordings. The plant (plant.py) shares nothing with the program.
 """
 
+import csv
 import json
 import pathlib
 import subprocess
@@ -12,6 +13,7 @@ import sys
 import tempfile
 import time
 
+import mcap_ros2.reader
 import numpy as np
 
 import plant
@@ -70,20 +72,53 @@ def diagnosed(program, folder, ending=".mcap"):
     return json.loads(done.stdout), time.monotonic() - begun
 
 
-def imported(program, folder, draw):
-    """The report of the same motions, imported with the description as the package ships it."""
+def imported(program, folder, draw, source):
+    """The report of the same motions, imported with the description as the package ships it, from a topic of commands or a table."""
     file, flange, _ = plant.ARMS[draw.arm]
+    ending = f"_of_{source.rpartition('/')[2]}"
     for name in ("fit", "held"):
-        command = [program, "import", "motion", str(folder / f"{name}.mcap"), "--out", str(folder / f"{name}_imported")]
-        command += ["--joint-states", "/cell/joint_states", "--urdf", str(robots.folder() / file), "--mount", flange]
-        if draw.cause in plant.MOTION:
-            command += ["--commands", "/cell/joint_commands"]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    return diagnosed(program, folder, "_imported")[0]
+        recording = folder / f"{name}.mcap"
+        command = ["--out", str(folder / f"{name}{ending}"), "--urdf", str(robots.folder() / file), "--mount", flange]
+        if source == "table":
+            recording = tabulated(recording)
+            command += ["--units", "time=s,angle=rad,length=m"]
+        else:
+            command += ["--joint-states", "/cell/joint_states"]
+            if draw.cause in plant.MOTION:
+                command += ["--commands", source]
+        subprocess.run([program, "import", "motion", str(recording), *command], check=True, stdout=subprocess.DEVNULL)
+    return diagnosed(program, folder, ending)[0]
+
+
+def tabulated(recording):
+    """The same as a table whose columns are named like their roles; state and command of an instant in one row."""
+    rows = {}
+    for message in mcap_ros2.reader.read_ros2_messages(str(recording)):
+        if message.channel.topic not in ("/cell/joint_states", "/cell/joint_commands"):
+            continue
+        state = message.ros_msg
+        row = rows.setdefault(f"{state.header.stamp.sec}.{state.header.stamp.nanosec:09}", {})
+        roles = ("command",) if message.channel.topic.endswith("commands") else ("position", "velocity", "effort")
+        for role, values in zip(roles, (state.position, state.velocity, state.effort)):
+            row |= {f"{role}.{joint}": repr(value) for joint, value in zip(state.name, values)}
+    path = recording.with_suffix(".csv")
+    with open(path, "w") as file:
+        writer = csv.DictWriter(file, ["time", *next(iter(rows.values()))])
+        writer.writeheader()
+        writer.writerows({"time": time, **row} for time, row in rows.items())
+    return path
 
 
 def figures(report):
     return [report["verdict"], *((one["effect"], f"{one['rms_before']:.5e}", f"{one['rms_after']:.5e}") for one in report["effects"])]
+
+
+def alike(one, other):
+    """Equal but for the rounding of instants, which a table has in seconds."""
+    (verdict, *first), (same, *second) = figures(one), figures(other)
+    pairs = zip(first, second, strict=False)
+    near = all(a[0] == b[0] and np.allclose([float(x) for x in a[1:]], [float(x) for x in b[1:]], rtol=1e-3) for a, b in pairs)
+    return verdict == same and len(first) == len(second) and near
 
 
 def table(results):
@@ -116,7 +151,11 @@ def main(program, sessions=1, seed=0, keep=None, causes=None):
                 draw = plant.session(cause, (seed, number, place), folder, seconds)
                 report, taken = diagnosed(program, folder)
                 if number == 0:
-                    assert figures(imported(program, folder, draw)) == figures(report), f"{folder.name}: imported, it says something else"
+                    sources = ["/cell/joint_commands", "table"]
+                    sources += [f"/controller/{name}" for name in plant.CONTROLLER if cause in plant.MOTION]
+                    for source in sources:
+                        again = imported(program, folder, draw, source)
+                        assert alike(again, report), f"{folder.name}: imported, it says something else: {figures(again)}, {figures(report)}"
                 result = judged(draw, report)
                 result |= {"cause": cause, "seconds": taken, "remainder": draw.remainder}
                 results.append(result)

@@ -4,6 +4,7 @@
 //! program `probecell-formats`, to which `plan` and `reference` hand over.
 
 mod contacts;
+mod controller_state;
 mod motion;
 mod plan;
 mod readings;

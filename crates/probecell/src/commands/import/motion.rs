@@ -1,15 +1,19 @@
-//! `probecell import motion`: a recording of a moving robot, with the description that its maker ships.
+//! `probecell import motion`: a recording or a table of a moving robot, with the description that its maker ships.
 
 use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
 use bags::Bag;
 use diagnosis::Session;
+use exchange::import::motion::{Motion, Settings, read};
+use exchange::table::Table;
+use exchange::units::Units;
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::std_msgs;
-use session_io::import::text_of;
+use session_io::import::{table_text_of, text_of};
 use session_io::write;
 
+use super::{TableArguments, controller_state};
 use crate::{GOOD, output};
 
 /// What the user asks for.
@@ -18,18 +22,27 @@ use crate::{GOOD, output};
     after_help = "Two motions of one arm are compared by `probecell diagnose --fit ONE --withhold OTHER`.\n\n\
 Examples:\n  \
 probecell import motion my_bag --urdf ur10e.urdf --out my_motion\n  \
-probecell import motion my_bag --joint-states /arm/joint_states --commands /arm/joint_commands --out my_motion"
+probecell import motion my_bag --joint-states /arm/joint_states --commands /arm/joint_commands --out my_motion\n  \
+probecell import motion log.csv --urdf ur10e.urdf --units time=s,angle=rad --out my_motion \\\n      \
+--columns time=timestamp,position.elbow_joint=actual_q_2,effort.elbow_joint=actual_current_2"
 )]
 pub(crate) struct Arguments {
-    /// Recording of rosbag2 (MCAP): a folder or an .mcap file.
+    /// Recording of rosbag2 (MCAP): a folder or an .mcap file; or a table with --units.
     bag: PathBuf,
+    /// Columns of a table by role, ROLE=COLUMN,..., where they are not named like their roles: time, position.JOINT, velocity.JOINT (a
+    /// second), effort.JOINT (N m), command.JOINT; COLUMN is a name of the header or #N for the N-th.
+    #[arg(long, default_value = "", hide_default_value = true)]
+    columns: String,
+    #[command(flatten)]
+    table: TableArguments,
     /// Robot description (URDF, expanded from xacro); default: what the recording has on `robot_description`.
     #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
     /// Topic of what the joints did (sensor_msgs/JointState: positions, and speeds and efforts where there are any).
     #[arg(long, value_name = "TOPIC", default_value = "/joint_states")]
     joint_states: String,
-    /// Topic of the commands (sensor_msgs/JointState); without it the efforts are compared.
+    /// Topic of the commands: sensor_msgs/JointState, or what a joint trajectory controller of ros2_control says on `controller_state`;
+    /// without it the efforts are compared.
     #[arg(long, value_name = "TOPIC")]
     commands: Option<String>,
     /// Link that carries the tool; default: the one behind the most joints of the recording.
@@ -42,18 +55,10 @@ pub(crate) struct Arguments {
 
 /// Imports.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let bag = Bag::open(&arguments.bag)?;
-    if let Some(damage) = bag.verify().first() {
-        bail!("{}: {damage}", arguments.bag.display());
-    }
-    let states = messages(&bag, &arguments.joint_states)?;
-    let commands = match &arguments.commands {
-        Some(topic) => messages(&bag, topic)?,
-        None => Vec::new(),
-    };
-    let text = match &arguments.urdf {
-        Some(file) => text_of(file)?,
-        None => description(&bag)?,
+    let (states, commands, text) = if arguments.table.units.is_empty() {
+        recorded(arguments)?
+    } else {
+        tabulated(arguments)?
     };
     let mut joints: Vec<String> = states.iter().flat_map(|state| state.name.clone()).collect();
     joints.sort_unstable();
@@ -114,6 +119,73 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     }
     output::line(&format!("written to {}", arguments.out.display()));
     Ok(GOOD)
+}
+
+/// States and commands of the joints, and the robot description.
+type Read = (Vec<JointState>, Vec<JointState>, String);
+
+/// Of a recording.
+fn recorded(arguments: &Arguments) -> anyhow::Result<Read> {
+    ensure!(
+        arguments.columns.is_empty(),
+        "--columns is for a table, whose units are named by --units"
+    );
+    let bag = Bag::open(&arguments.bag)?;
+    if let Some(damage) = bag.verify().first() {
+        bail!("{}: {damage}", arguments.bag.display());
+    }
+    let states = messages(&bag, &arguments.joint_states)?;
+    let commands = match &arguments.commands {
+        Some(topic) => commands(&bag, topic)?,
+        None => Vec::new(),
+    };
+    let text = match &arguments.urdf {
+        Some(file) => text_of(file)?,
+        None => description(&bag)?,
+    };
+    Ok((states, commands, text))
+}
+
+/// Of a table.
+fn tabulated(arguments: &Arguments) -> anyhow::Result<Read> {
+    let urdf = arguments.urdf.as_ref();
+    let urdf = text_of(urdf.context("a table has no robot description: name the file, --urdf")?)?;
+    let (text, assumed) = table_text_of(&arguments.bag)?;
+    let of_file = || arguments.bag.display().to_string();
+    let settings = Settings {
+        columns: arguments.columns.clone(),
+        layout: arguments.table.layout()?,
+        units: Units::parse(&arguments.table.units).context("--units")?,
+    };
+    let table = Table::read(&text, settings.layout).with_context(of_file)?;
+    let joints = machine::tree::joints(&urdf)?;
+    let kind = |name: &str| {
+        let mut all = joints.iter().map(|one| &one.joint);
+        all.find(|joint| joint.name == name && joint.moves())
+            .map(|joint| joint.kind)
+    };
+    let Motion { states, commands } = read(&table, &settings, kind).with_context(of_file)?;
+    if let Some(assumed) = assumed {
+        output::remark(&assumed);
+    }
+    if table.left_out > 0 {
+        output::remark(&format!(
+            "{} rows are left out: of very many an even share is read",
+            table.left_out
+        ));
+    }
+    Ok((states, commands, urdf))
+}
+
+fn commands(bag: &Bag, topic: &str) -> anyhow::Result<Vec<JointState>> {
+    let is_state =
+        |channel: &std::sync::Arc<bags::Channel>| channel.type_name == controller_state::TYPE;
+    if !bag.channels_of(topic).any(is_state) {
+        return messages(bag, topic);
+    }
+    let all = controller_state::commands(bag, topic)?;
+    ensure!(!all.is_empty(), "{topic} has no commanded positions");
+    Ok(all)
 }
 
 fn messages(bag: &Bag, topic: &str) -> anyhow::Result<Vec<JointState>> {
