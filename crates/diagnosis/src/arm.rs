@@ -4,6 +4,7 @@
 //! dynamics of the robot description ([`effort`]). Fitted on some motions, judged on others, or on stretches of time that were left
 //! out. rad, m, s, N m.
 
+mod contact;
 mod effort;
 mod left;
 mod motion;
@@ -15,6 +16,7 @@ use machine::{Chain, Dynamics, JointKind, Side};
 
 use crate::report::residuals::{DriveResiduals, Residuals, axis_of};
 use crate::report::{Gap, Level, Place, Rejected, Report, SCHEMA, Unexplained, Verdict};
+use contact::Contact;
 use effort::Efforts;
 use left::{Left, Named, pairs, size};
 use motion::Motions;
@@ -72,6 +74,7 @@ pub(crate) fn diagnose(
             floor: motions.floor(),
             samples: motions.samples(),
             tracks: motions.tracks(),
+            contacts: &[],
             named,
         });
         return Ok(outcome.map(|outcome| outcome.report((fit, withheld), &dynamics)));
@@ -96,6 +99,7 @@ pub(crate) fn diagnose(
         floor: efforts.floor(),
         samples: efforts.samples(),
         tracks: efforts.tracks(),
+        contacts: efforts.contacts(),
         named,
     });
     Ok(outcome.map(|outcome| outcome.report((fit, withheld), &dynamics)))
@@ -108,6 +112,7 @@ struct Outcome<'a> {
     floor: f64,
     samples: usize,
     tracks: Vec<&'a Track>,
+    contacts: &'a [Contact],
     named: Named,
 }
 
@@ -119,6 +124,7 @@ impl Outcome<'_> {
     ) -> (Report, Residuals) {
         let names = |sessions: &[Session]| sessions.iter().map(|one| one.name.clone()).collect();
         let residuals = self.residuals(dynamics);
+        let (touched, touches) = self.touches(dynamics);
         let Named {
             effects,
             remarks,
@@ -129,7 +135,9 @@ impl Outcome<'_> {
         let verdict = match (gap <= QUIET * self.floor, effects.is_empty()) {
             (true, _) => Verdict::NoGap,
             (false, true) => Verdict::Unexplained,
-            (false, false) if left <= EXPLAINED * self.floor => Verdict::Explained,
+            (false, false) if touched.is_empty() && left <= EXPLAINED * self.floor => {
+                Verdict::Explained
+            }
             (false, false) => Verdict::PartlyExplained,
         };
         let effects = if verdict == Verdict::NoGap {
@@ -151,6 +159,10 @@ impl Outcome<'_> {
                 share: energy(joint) / total.max(f64::MIN_POSITIVE),
             };
             dynamics.bodies().iter().enumerate().map(of).collect()
+        };
+        let verdict = match verdict {
+            Verdict::NoGap if !touched.is_empty() => Verdict::Unexplained,
+            verdict => verdict,
         };
         let is_open = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);
         let report = Report {
@@ -180,7 +192,11 @@ impl Outcome<'_> {
                 } else {
                     0.0
                 },
-                place: if is_open { place(&after) } else { Vec::new() },
+                place: if is_open {
+                    place(&after).into_iter().chain(touched).collect()
+                } else {
+                    Vec::new()
+                },
                 ladder: Vec::new(),
             },
             rejected: Vec::<Rejected>::new(),
@@ -188,10 +204,42 @@ impl Outcome<'_> {
             durations: None,
             measurements: None,
             warnings: std::iter::once(format!("judged by {}", self.channel))
+                .chain(touches)
                 .chain(remarks)
                 .collect(),
         };
         (report.finished(), Residuals::Drives(residuals))
+    }
+
+    /// Contacts as places in time, and a sentence for each.
+    fn touches(&self, dynamics: &Dynamics) -> (Vec<Place>, Vec<String>) {
+        let session = |one: &Contact| self.tracks[one.session].session.clone();
+        let place = |one: &Contact| Place {
+            dimension: "time".to_owned(),
+            key: session(one),
+            from: Some(one.from),
+            to: Some(one.to),
+            share: one.share,
+        };
+        let sentence = |one: &Contact| {
+            let felt = one
+                .joints
+                .iter()
+                .map(|&(joint, mean)| format!("{} {mean:.1}", dynamics.bodies()[joint].joint));
+            format!(
+                "something outside presses on the arm from {:.2} to {:.2} s of {} (mean effort in {}: {}); the causes are fitted without it",
+                one.from,
+                one.to,
+                session(one),
+                self.unit,
+                felt.collect::<Vec<_>>().join(", ")
+            )
+        };
+        let contacts = || self.contacts.iter();
+        (
+            contacts().map(place).collect(),
+            contacts().map(sentence).collect(),
+        )
     }
 
     /// What is left of every judging sample, joint by joint.

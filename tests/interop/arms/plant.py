@@ -190,9 +190,10 @@ class Draw:
     gap: float = 0.0  # rms that the cause makes, over that of the remainder
     remainder: float = 0.0
     note: str = ""
+    contact: tuple = ()  # recording, and from when to when (s) something presses on the flange
 
 
-EFFORT = ("payload", "links", "coulomb", "viscous", "rotor", "gain", "none")
+EFFORT = ("payload", "links", "coulomb", "viscous", "rotor", "gain", "contact", "none")
 MOTION = ("delay", "droop", "friction", "backlash", "still")
 IDENTIFIERS = {
     "payload": {"drive.payload"},
@@ -205,6 +206,7 @@ IDENTIFIERS = {
     "droop": {"drive.droop"},
     "friction": {"drive.coulomb_friction", "drive.backlash"},
     "backlash": {"drive.coulomb_friction", "drive.backlash"},
+    "contact": set(),
     "none": set(),
     "still": set(),
 }
@@ -278,6 +280,8 @@ def effort_session(arm, moved, draw, ways, folder, random):
         """Efforts of both motions, and the parameters."""
         if draw.cause == "none":
             return nominal, {}
+        if draw.cause == "contact":
+            return pressed(arm, draw, times, states, nominal, [rms(one) for one in remainders[0].T], random), {}
         if draw.cause in ("payload", "links"):
             model = arm.model.copy()
             truth = {}
@@ -318,7 +322,7 @@ def effort_session(arm, moved, draw, ways, folder, random):
     for _ in range(10):
         efforts, draw.truth = caused(draw.size)
         draw.gap = rms(np.vstack(efforts) - both) / draw.remainder
-        if draw.cause == "none" or draw.gap >= VISIBLE:
+        if draw.cause in ("none", "contact") or draw.gap >= VISIBLE:
             break
         draw.size *= 1.5
     resolution = 2 * np.pi / 2 ** random.integers(15, 21)
@@ -328,6 +332,25 @@ def effort_session(arm, moved, draw, ways, folder, random):
         velocity = state[1] + 0.002 * random.normal(size=state[1].shape) if speeds else None
         effort = effort + remainder + white * usual * random.normal(size=effort.shape)
         record(folder / f"{name}.mcap", arm, t, states=(read, velocity, effort))
+
+
+def pressed(arm, draw, times, states, nominal, remainder, random):
+    """Efforts where a constant force presses on the flange for a while, in one of two motions while the arm moves."""
+    number, lasts = random.integers(2), random.uniform(0.3, 2.0)
+    begin = random.uniform(0.1, 0.8) * (draw.length - lasts)
+    draw.contact = (("fit", "held")[number], float(begin), float(begin + lasts))
+    during = (times[number] >= begin) & (times[number] <= begin + lasts)
+    force = random.normal(size=3)
+    data, frame = arm.model.createData(), arm.model.getFrameId("probe_mount")
+    pushed = np.zeros_like(nominal[number])
+    for row in np.flatnonzero(during):
+        jacobian = pinocchio.computeFrameJacobian(arm.model, data, states[number][0][row], frame, pinocchio.LOCAL_WORLD_ALIGNED)
+        pushed[row] = -jacobian[:3].T @ force
+    # The joint that feels it most feels 8 to 30 times its remainder.
+    felt = np.max(np.sqrt(np.mean(pushed[during] ** 2, axis=0)) / np.maximum(remainder, 1e-12))
+    efforts = [one.copy() for one in nominal]
+    efforts[number] += pushed * random.uniform(8, 30) / felt
+    return efforts
 
 
 def motion_session(arm, moved, draw, ways, folder, random):

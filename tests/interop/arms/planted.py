@@ -20,6 +20,8 @@ import plant
 import robots
 
 INNOCENT = 0.05  # of the gap, closed by what is not there
+SAME = 0.5  # of the time over which a contact and what is said of it last together
+INSTANT = 0.05  # s, within which a contact begins and ends: counted, like intervals
 # Least shares: main cause found, no innocent beside it, nothing named where nothing is.
 FOUND, CLEAN, QUIET = 0.9, 0.9, 0.9
 
@@ -51,6 +53,16 @@ def judged(draw, report):
                 if parameter["name"] in draw.truth:
                     low, high = parameter["ci95"]
                     held.append((parameter["name"], draw.truth[parameter["name"]], low, high))
+    touches = [(one["key"], one["from"], one["to"]) for one in report["unexplained"]["where"] if one["dimension"] == "time"]
+    if draw.contact:
+        recording, begin, end = draw.contact
+        found = len(touches) == 1 and recording in touches[0][0]
+        if found:
+            _, first, last = touches[0]
+            found = min(last, end) - max(first, begin) > SAME * (max(last, end) - min(first, begin))
+            held = [(f"instant {one}", one, seen - INSTANT, seen + INSTANT) for one, seen in ((begin, first), (end, last))]
+    elif touches:
+        innocents.append("contact")
     left = effects[-1]["rms_after"] if effects else gap
     return {
         "found": found,
@@ -60,6 +72,7 @@ def judged(draw, report):
         "verdict": report["verdict"],
         "named": [(one["effect"], round(one["rms_before"] / gap, 3), round(one["rms_after"] / gap, 3)) for one in effects],
         "held": held,
+        "touches": touches,
     }
 
 
@@ -163,12 +176,12 @@ def main(program, sessions=1, seed=0, keep=None, causes=None):
                     print(
                         f"{'ok ' if result['found'] and not result['innocents'] else 'BAD'} {folder.name}: {draw.arm},"
                         f" {len(draw.moved)} joints at {draw.rate:.0f} Hz, {draw.gap:.1f} times the remainder{draw.note};"
-                        f" {result['verdict']}, {result['named']}",
+                        f" {result['verdict']}, {result['named']} {draw.contact or ''} {result['touches'] or ''}",
                         flush=True,
                     )
     table(results)
-    caused = [one for one in results if plant.IDENTIFIERS[one["cause"]]]
-    quiet = [one for one in results if not plant.IDENTIFIERS[one["cause"]]]
+    caused = [one for one in results if plant.IDENTIFIERS[one["cause"]] or one["cause"] == "contact"]
+    quiet = [one for one in results if one not in caused]
     found = np.mean([one["found"] for one in caused]) if caused else 1.0
     clean = np.mean([not one["innocents"] for one in caused]) if caused else 1.0
     still = np.mean([one["found"] for one in quiet]) if quiet else 1.0

@@ -14,6 +14,7 @@ use metrology::statistics::rms;
 use nalgebra::{DMatrix, DVector};
 
 use super::STRETCHES;
+use super::contact::{Contact, contacts};
 use super::left::{Left, Named, half_width, named_effect, size, stretches};
 use super::track::Track;
 use crate::blocks::{better, independent_share};
@@ -82,6 +83,8 @@ pub(super) struct Efforts<'a> {
     /// Weighted inner products of the fitted rows, and those of each stretch of each session.
     whole: Sums,
     stretches: BTreeMap<(usize, usize), Sums>,
+    /// Stretches of time in which something outside presses on the arm.
+    contacts: Vec<Contact>,
 }
 
 /// Columns and their coefficients.
@@ -96,6 +99,24 @@ impl<'a> Efforts<'a> {
         fitted: &'a [Track],
         withheld: &'a [Track],
         unit: &str,
+    ) -> Option<Self> {
+        let mut efforts = Self::without(dynamics, fitted, withheld, unit, Vec::new())?;
+        let found = efforts.touched();
+        // Causes are fitted without what something outside does.
+        if !found.is_empty() {
+            efforts = Self::without(dynamics, fitted, withheld, unit, found)?;
+            efforts.contacts = efforts.touched();
+        }
+        Some(efforts)
+    }
+
+    /// The same without the samples of these contacts in the fitted sessions.
+    fn without(
+        dynamics: &'a Dynamics,
+        fitted: &'a [Track],
+        withheld: &'a [Track],
+        unit: &str,
+        contacts: Vec<Contact>,
     ) -> Option<Self> {
         let first = fitted.first()?;
         let all = || fitted.iter().chain(withheld);
@@ -116,6 +137,7 @@ impl<'a> Efforts<'a> {
             width,
             whole: (DMatrix::zeros(0, 0), DVector::zeros(0)),
             stretches: BTreeMap::new(),
+            contacts,
         };
         for (session, track) in all().enumerate() {
             let withheld = session >= fitted.len();
@@ -167,7 +189,9 @@ impl<'a> Efforts<'a> {
             let moving = |joint: usize| {
                 track.moves[joint] && speed[joint].abs() > MOVING * sizes.speed[joint]
             };
-            if !(0..count).any(moving) {
+            let mut outside = self.contacts.iter();
+            let pressed = outside.any(|one| !withheld && one.holds(session, track.time[sample]));
+            if pressed || !track.whole[sample] || !(0..count).any(moving) {
                 continue;
             }
             let position = Track::row(&track.position, sample);
@@ -353,6 +377,67 @@ impl<'a> Efforts<'a> {
                 && self.families[families[place]].sessions.is_none()
         });
         loads.find(|&place| links && !(self.estimates(fit, families[place])[0].ci95[0] > 0.0))
+    }
+
+    /// Contacts in what the causes of highest evidence leave of each session.
+    fn touched(&self) -> Vec<Contact> {
+        let products = self.products();
+        let fit = self.selected(&products);
+        let theta = fit.as_ref().and_then(|fit| self.coefficients(fit, None));
+        let (Some(fit), Some(theta)) = (fit, theta) else {
+            return Vec::new();
+        };
+        let tracks = self.tracks();
+        let mut found: Vec<Contact> = Vec::new();
+        for (session, track) in tracks.iter().enumerate() {
+            let (columns, theta) = if session < self.fitted.len() {
+                theta.clone()
+            } else {
+                self.without_loads(&fit, &theta, session).0
+            };
+            let joints = self.dynamics.bodies().len();
+            let mut left: Vec<Vec<f64>> = vec![Vec::new(); joints];
+            let (mut dry, mut time) = (left.clone(), Vec::new());
+            for block in self.blocks.iter().filter(|block| block.session == session) {
+                let own = &block.y - block.matrix.select_columns(&columns) * &theta;
+                left[block.joint].extend(own.iter());
+                if block.joint == 0 {
+                    time.extend(block.samples.iter().map(|&sample| track.time[sample]));
+                }
+                // Around standstill dry friction may be anything up to its size.
+                let size = self.dry_friction(block.joint, (&columns, &theta));
+                let free = |&sample: &usize| size * (1.0 - track.sign[block.joint][sample].abs());
+                dry[block.joint].extend(block.samples.iter().map(free));
+            }
+            found.extend(contacts(session, &time, (&left, &dry)));
+        }
+        // What was left out of the fit is known already.
+        let known = self
+            .contacts
+            .iter()
+            .filter(|one| one.session < self.fitted.len());
+        found.extend(known.cloned());
+        found
+    }
+
+    /// Dry friction of a joint, declared and found.
+    fn dry_friction(&self, joint: usize, (columns, theta): (&[usize], &DVector<f64>)) -> f64 {
+        let coulomb = self
+            .families
+            .iter()
+            .find(|one| one.effect == "drive.coulomb_friction");
+        let found = coulomb.and_then(|family| {
+            let place = columns
+                .iter()
+                .position(|&one| one == family.span.start + 2 * joint)?;
+            Some(theta[place] * family.parameters[2 * joint].2)
+        });
+        (self.dynamics.bodies()[joint].friction + found.unwrap_or(0.0)).abs()
+    }
+
+    /// Stretches of time in which something outside presses on the arm.
+    pub(super) fn contacts(&self) -> &[Contact] {
+        &self.contacts
     }
 
     /// True where no load has less than no mass.

@@ -22,6 +22,8 @@ const QUIET: f64 = 0.05;
 const FEWEST: usize = 50;
 /// Standard deviations of the low-pass from one kept sample to the next.
 const KEPT: f64 = 1.7;
+/// Standard deviations over which the low-pass, and the derivatives behind it, reach.
+const REACH: f64 = 3.0;
 /// A reported speed whose slope over the differentiated position is farther from one than this is not used.
 const SLOPE: f64 = 0.1;
 
@@ -52,6 +54,8 @@ pub(super) struct Track {
     pub(super) effort: Vec<Vec<f64>>,
     /// rad or m; empty where a joint has none.
     pub(super) command: Vec<Vec<f64>>,
+    /// True for a sample whose low-pass reaches over no end of the record, and over no gap in it.
+    pub(super) whole: Vec<bool>,
     /// Standard deviation of the noise of each joint's position, after the low-pass.
     pub(super) position_noise: Vec<f64>,
     /// The same of its effort.
@@ -188,6 +192,10 @@ impl Track {
             moves: moves.clone(),
             effort: effort.iter().map(|values| keep(pass(values))).collect(),
             command: command.iter().map(|values| keep(pass(values))).collect(),
+            whole: (0..piece.len())
+                .step_by(thin)
+                .map(|sample| is_whole(&piece, sample, (REACH * width).ceil() as usize))
+                .collect(),
             position_noise: (position.iter())
                 .map(|q| rounding(q).max(noise(q) * kept))
                 .collect(),
@@ -274,6 +282,13 @@ fn even(series: &Series) -> (Vec<f64>, Vec<usize>, f64) {
         pieces.resize(instants.len(), of[piece.0]);
     }
     (instants, pieces, step)
+}
+
+/// True where all samples within a reach belong to one piece of the record.
+fn is_whole(piece: &[usize], sample: usize, reach: usize) -> bool {
+    let at = |sample: Option<usize>| sample.and_then(|sample| piece.get(sample));
+    let (before, after) = (sample.checked_sub(reach), sample.checked_add(reach));
+    at(before).is_some() && at(before) == at(after)
 }
 
 /// How far values go.
