@@ -132,7 +132,7 @@ fn friction(
         for one in causes(job, name).flat_map(|cause| &cause.parameters) {
             match one.name.rsplit_once('.') {
                 Some((joint, "coefficient")) => {
-                    found.entry(joint).or_default()[number] = Some(one.value)
+                    found.entry(joint).or_default()[number] = Some(one.value);
                 }
                 _ => remarks.push(format!(
                     "{} of {name} has no place in a robot description",

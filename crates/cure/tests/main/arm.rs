@@ -19,8 +19,8 @@ const ARM: &str = r#"<robot name="arm"><link name="base"/>
 
 fn arm(effects: &[serde_json::Value], members: &'static [&'static str]) -> Result<String, String> {
     let mut report = report(effects);
-    report.channel = "effort".to_owned();
-    report.gap.unit = "N m".to_owned();
+    "effort".clone_into(&mut report.channel);
+    "N m".clone_into(&mut report.gap.unit);
     report.place = ["J1", "J2"]
         .map(|key| {
             serde_json::from_value(json!({"dimension": "axis", "key": key, "share": 0.5}))

@@ -192,9 +192,7 @@ mod tests {
         let (time, mut left) = left();
         let free = vec![vec![0.0; 1_000]; 2];
         assert_eq!(contacts(0, &time, (&left, &free)), []);
-        for k in 400..430 {
-            left[1][k] += 4.0;
-        }
+        left[1][400..430].iter_mut().for_each(|value| *value += 4.0);
         assert_eq!(contacts(0, &time, (&left, &vec![vec![5.0; 1_000]; 2])), []);
         let found = contacts(2, &time, (&left, &free));
         let [one] = &found[..] else {
