@@ -7,6 +7,9 @@ use crate::CureError;
 use crate::cause::{Cause, causes};
 use crate::list::{number, remains, unit, wrapped};
 
+/// A share whose interval is wider to each side says nothing.
+const VAGUE: f64 = 0.5;
+
 /// What became of a cause that was to be mended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
@@ -23,9 +26,7 @@ impl Outcome {
     fn means(self) -> String {
         match self {
             Self::Gone => "gone".to_owned(),
-            Self::InGroup => {
-                "is in a group of causes that these touches do not tell apart".to_owned()
-            }
+            Self::InGroup => "is in a group of causes that these data do not tell apart".to_owned(),
             Self::Left([share, half]) => {
                 let among = |low: f64, high: f64| share + half >= low && share - half <= high;
                 let size = format!(
@@ -33,7 +34,9 @@ impl Outcome {
                     share * 100.0,
                     half * 100.0
                 );
-                let why = if among(1.8, 2.2) && !among(0.8, 1.2) {
+                let why = if half > VAGUE {
+                    "that is too uncertain to say what became of it: measure more that shows it"
+                } else if among(1.8, 2.2) && !among(0.8, 1.2) {
                     "it has doubled: the compensation was applied with the opposite sign"
                 } else if among(0.9, 1.1) {
                     "nothing has changed: the file was not loaded, not switched on, or on another axis"

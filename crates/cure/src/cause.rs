@@ -178,8 +178,15 @@ fn judged(report: &Report, effect: &Effect, members: &[String]) -> Judged {
     let shrinks = name == "drive.link_inertia";
     let is_vague = is_vague(&parameters) && !shrinks;
     if is_vague && chosen.is_none() {
-        let why = "its 95 % interval is wider than the effect itself: measure more that shows it, or take it as it is by --member";
-        return refused(name, why.to_owned());
+        let more = if name == "drive.payload" {
+            "fit a motion without the load beside one with it"
+        } else {
+            "measure more that shows it"
+        };
+        let why = format!(
+            "its 95 % interval is wider than the effect itself: {more}, or take it as it is by --member {name}"
+        );
+        return refused(name, why);
     }
     Ok(Cause {
         name: name.clone(),

@@ -40,8 +40,6 @@ pub struct Request<'a> {
     pub travel: [Option<f64>; 2],
     /// The robot description.
     pub urdf: Option<&'a File>,
-    /// The link that carries the tool, where the description has no `probe_mount`.
-    pub mount: Option<&'a str>,
     /// The machine's settings as they are now.
     pub current: Option<&'a File>,
 }

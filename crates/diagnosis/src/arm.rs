@@ -63,7 +63,15 @@ pub(crate) fn diagnose(
         Some((all(fit)?, all(withheld)?))
     };
     let Some((fitted, judging)) = read(false) else {
-        return Ok(None);
+        // Sessions without motion are others' to judge; beside one in motion they are a mistake.
+        let is_short = |session: &&Session| Track::read(session, &dynamics, false).is_none();
+        let short: Vec<&Session> = fit.iter().chain(withheld).filter(is_short).collect();
+        return match short.first() {
+            Some(session) if short.len() < fit.len() + withheld.len() => {
+                Err(SessionError::Short(session.name.clone(), track::FEWEST))
+            }
+            _ => Ok(None),
+        };
     };
     let turns = (dynamics.bodies().iter()).all(|body| body.kind == JointKind::Revolute);
     let commanded = fitted.iter().chain(&judging).all(Track::is_commanded);
@@ -90,6 +98,9 @@ pub(crate) fn diagnose(
     let Some(efforts) = Efforts::new(&dynamics, &fitted, &judging, unit) else {
         return Ok(None);
     };
+    if let Some(session) = efforts.still() {
+        return Err(SessionError::Still(session.to_owned()));
+    }
     if let Some(joint) = efforts.magnitude() {
         return Err(SessionError::Magnitude(joint.to_owned()));
     }
@@ -171,6 +182,7 @@ impl Outcome<'_> {
             fitted: names(fit),
             withheld: names(withheld),
             measured: fit[0].measured(),
+            mount: dynamics.mount_link().map(str::to_owned),
             machine: None,
             samples: self.samples,
             verdict,

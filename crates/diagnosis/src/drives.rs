@@ -527,6 +527,7 @@ impl Drives {
             fitted: self.names.0.clone(),
             withheld: self.names.1.clone(),
             measured: session.measured(),
+            mount: None,
             machine: None,
             samples: self
                 .fitted

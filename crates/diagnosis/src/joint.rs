@@ -155,6 +155,7 @@ impl Together<'_> {
             fitted: self.heading.fitted.clone(),
             withheld: self.heading.withheld.clone(),
             measured: self.heading.measured.clone(),
+            mount: None,
             machine: (self.heading.robot_description)
                 .map(|text| Machine::of(text, observations.chain.name())),
             samples: used.iter().filter(|&&used| used).count(),

@@ -72,6 +72,9 @@ pub struct Report {
     /// The machine that was measured.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub machine: Option<Machine>,
+    /// Of an arm in motion the link in whose frame a load at `probe_mount` is given.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub mount: Option<String>,
     /// Number of touches (or samples) used.
     pub samples: usize,
     /// The verdict.

@@ -127,6 +127,14 @@ pub enum SessionError {
         "no axis of the drive session has enough samples of its effort, or of its commands and motion"
     )]
     NoEffort,
+    /// A session in which the joints of an arm are not seen often enough.
+    #[error("{0} has fewer than {1} samples of a joint of the arm")]
+    Short(String, usize),
+    /// A session of an arm whose motion has no sample that can be compared.
+    #[error(
+        "{0} has no sample of a joint that moves between samples at a usual step: is the unit of its times right?"
+    )]
+    Still(String),
     /// Efforts without a sign.
     #[error(
         "the effort of joint `{0}` never changes its sign although that of its weight does: it is a magnitude, which cannot be compared with a model"

@@ -19,6 +19,9 @@ use crate::{
     urdf::Robot,
 };
 
+/// Frames that differ by no more are the same, m and rad.
+const NEAR: f64 = 1e-9;
+
 /// A wrench: force, and moment about the origin of a frame.
 type Wrench = (Vector3<f64>, Vector3<f64>);
 
@@ -51,6 +54,8 @@ pub struct Dynamics {
     bodies: Vec<Body>,
     /// The body that carries `probe_mount`, and the frame of that link in it.
     mount: Option<(usize, Isometry3<f64>)>,
+    /// The link whose frame is that of `probe_mount`.
+    mount_link: Option<String>,
 }
 
 /// Motion of a frame in its own coordinates: angular speed and acceleration, and the acceleration of its origin less gravity.
@@ -126,6 +131,7 @@ impl Dynamics {
         let mut tree = Self {
             bodies: Vec::new(),
             mount: None,
+            mount_link: None,
         };
         // Links to visit, with the body that carries them and their frame in it.
         let mut waiting: Vec<(&str, Option<usize>, Isometry3<f64>)> =
@@ -157,6 +163,9 @@ impl Dynamics {
                     }
                 }
                 let read = joint(&raw, child)?;
+                if child.name == PROBE_MOUNT && !moves && is_identity(&read.origin) {
+                    tree.mount_link = Some(raw.parent.clone());
+                }
                 let (body, frame) = if moves && read.moves() {
                     tree.bodies.push(Body {
                         joint: raw.name.clone(),
@@ -216,6 +225,11 @@ impl Dynamics {
     /// True where a link carries `probe_mount`, so that a load has a place.
     pub fn has_mount(&self) -> bool {
         self.mount.is_some()
+    }
+
+    /// The link to which `probe_mount` is fixed without an offset.
+    pub fn mount_link(&self) -> Option<&str> {
+        self.mount_link.as_deref()
     }
 
     /// Height of `probe_mount` in the foundation (m), and by how much each joint lifts it (m/rad, or 1); `None` where no body
@@ -350,6 +364,11 @@ impl Dynamics {
             at = own.parent;
         }
     }
+}
+
+fn is_identity(frame: &Isometry3<f64>) -> bool {
+    let (shift, turn) = (frame.translation.vector.norm(), frame.rotation.angle());
+    shift < NEAR && turn < NEAR
 }
 
 /// A wrench of a frame, in the frame that carries it.

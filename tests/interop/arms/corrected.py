@@ -130,7 +130,7 @@ def main(program, seed=0):
             named = {effect["effect"] for effect in report["effects"]}
             chosen = [word for name in VAGUE if name in named for word in ("--member", name)]
             written = {
-                name: run(program, "cure", work / f"{name}.json", "--as", "urdf", "--urdf", urdf, "--mount", flange, *chosen)
+                name: run(program, "cure", work / f"{name}.json", "--as", "urdf", "--urdf", urdf, *chosen)
                 for name in ("report", "opposite")
             }  # fmt: skip
         found = {effect["effect"]: effect for effect in report["effects"]}

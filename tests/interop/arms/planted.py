@@ -99,7 +99,7 @@ def imported(program, folder, draw, source):
             command += ["--joint-states", "/cell/joint_states"]
             if draw.cause in plant.MOTION:
                 command += ["--commands", source]
-        subprocess.run([program, "import", "motion", str(recording), *command], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([program, "import", "motion", str(recording), *command], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return diagnosed(program, folder, ending)[0]
 
 

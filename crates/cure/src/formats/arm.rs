@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use machine::inertial::declared_friction;
-use machine::{Inertial, PARAMETERS, as_cell};
+use machine::{Inertial, PARAMETERS};
 use nalgebra::{Matrix3, Vector3};
 
 use super::description::Description;
@@ -17,6 +17,8 @@ use crate::job::Job;
 
 /// Effects of an arm in motion that a robot description holds.
 pub(super) const HOLDS: [&str; 4] = [PAYLOAD, LINKS, COULOMB, VISCOUS];
+/// Link of a cell that carries the tool.
+const PROBE_MOUNT: &str = "probe_mount";
 const PAYLOAD: &str = "drive.payload";
 const LINKS: &str = "drive.link_inertia";
 const COULOMB: &str = "drive.coulomb_friction";
@@ -47,6 +49,14 @@ pub(super) fn write(
     for (link, added) in masses(job)? {
         let text = &job.urdf()?.text;
         let before = Inertial::of_link(text, &link)?.ok_or_else(|| missing(job, "link", &link))?;
+        if before.mass.max(added[0]) <= 0.0 {
+            return Err(CureError::File {
+                file: job.urdf()?.name.clone(),
+                what: format!(
+                    "its link {link} has no mass: the arm was measured against another description"
+                ),
+            });
+        }
         let mut parameters = before.parameters();
         for (sum, more) in parameters.iter_mut().zip(added) {
             *sum += more;
@@ -71,6 +81,12 @@ pub(super) fn write(
             after,
             interval: None,
         }));
+    }
+    if causes(job, LINKS).count() > 0 {
+        remarks.push("inertias of the links changed as well".to_owned());
+    }
+    if causes(job, PAYLOAD).count() > 0 {
+        remarks.push("the load is a point: its inertia is not known".to_owned());
     }
     friction(job, description, (&mut changes, &mut remarks))?;
     Ok((changes, remarks))
@@ -107,18 +123,25 @@ fn masses(job: &Job<'_>) -> Result<BTreeMap<String, [f64; PARAMETERS]>, CureErro
             centre: Vector3::new(cause.value("x"), cause.value("y"), cause.value("z")),
             inertia: Matrix3::zeros(),
         };
-        let joints = job.request.report.place.iter();
-        let joints: Vec<String> = joints
-            .filter(|place| place.dimension == "axis")
-            .map(|place| place.key.clone())
-            .collect();
-        let link = as_cell(&job.urdf()?.text, job.request.mount, &joints)?.mount;
-        let sum = all.entry(link).or_insert([0.0; PARAMETERS]);
+        let sum = all.entry(load_link(job)?).or_insert([0.0; PARAMETERS]);
         for (sum, more) in sum.iter_mut().zip(load.parameters()) {
             *sum += more;
         }
     }
     Ok(all)
+}
+
+/// The link in whose frame a load was found: `probe_mount`, or the link on which that hangs.
+fn load_link(job: &Job<'_>) -> Result<String, CureError> {
+    if Inertial::of_link(&job.urdf()?.text, PROBE_MOUNT)?.is_some() {
+        return Ok(PROBE_MOUNT.to_owned());
+    }
+    let link = job.request.report.mount.clone();
+    link.ok_or_else(|| {
+        let what =
+            "the report does not say which link carries the load: diagnose the recordings again";
+        CureError::Report(what.to_owned())
+    })
 }
 
 /// Friction of each joint.
@@ -134,6 +157,8 @@ fn friction(
                 Some((joint, "coefficient")) => {
                     found.entry(joint).or_default()[number] = Some(one.value);
                 }
+                // What may be nothing is not missed.
+                _ if one.ci95[0] * one.ci95[1] <= 0.0 => {}
                 _ => remarks.push(format!(
                     "{} of {name} has no place in a robot description",
                     one.name

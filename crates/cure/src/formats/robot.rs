@@ -99,6 +99,12 @@ fn component(cause: &Cause) -> Option<(usize, &str)> {
 
 fn urdf(job: &Job<'_>) -> Result<String, CureError> {
     let file = job.urdf()?;
+    if file.text.contains(job.request.digest) {
+        return Err(CureError::File {
+            file: file.name.clone(),
+            what: "it holds this report already".to_owned(),
+        });
+    }
     let found = calibrated(job)?;
     let mut description = Description::of(file)?;
     for (name, joint) in &found {

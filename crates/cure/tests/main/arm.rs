@@ -21,6 +21,7 @@ fn arm(effects: &[serde_json::Value], members: &'static [&'static str]) -> Resul
     let mut report = report(effects);
     "effort".clone_into(&mut report.channel);
     "N m".clone_into(&mut report.gap.unit);
+    report.mount = Some("flange".to_owned());
     report.place = ["J1", "J2"]
         .map(|key| {
             serde_json::from_value(json!({"dimension": "axis", "key": key, "share": 0.5}))

@@ -60,7 +60,6 @@ pub(crate) fn written<'a>(
         points: None,
         travel: [None; 2],
         urdf: None,
-        mount: None,
         current: None,
     };
     change(&mut request);

@@ -4,13 +4,17 @@
 //! most (a likelihood ratio of a shift against none, over all stretches) and stand out from all others of its session. What remains of
 //! a model changes slowly and comes again; a contact does neither. s, and the unit of the efforts.
 
-use metrology::statistics::{median, robust_deviation};
+use effects::drive::signals::usual_step;
+use metrology::statistics::{mean, median, robust_deviation};
 
 use crate::blocks::independent_share;
 
-/// Shortest contact, s, and longest over the session.
+/// Shortest and longest contact, s; at most a share of the session.
 const SHORTEST: f64 = 0.1;
-const LONGEST: f64 = 0.25;
+const LONGEST: f64 = 10.0;
+const SHARE: f64 = 0.25;
+/// Fewest samples of a session.
+const FEWEST: usize = 20;
 /// A joint feels a contact where its mean is more than so many of its usual deviations.
 const FELT: f64 = 2.0;
 /// A contact stands out where its likelihood ratio is so many times that of the next stretch, and at least so large.
@@ -54,12 +58,13 @@ pub(super) fn contacts(
     time: &[f64],
     (left, friction): (&[Vec<f64>], &[Vec<f64>]),
 ) -> Vec<Contact> {
-    let count = time.len();
-    let Some(step) = (count > 20).then(|| (time[count - 1] - time[0]) / (count - 1) as f64) else {
+    if time.len() < FEWEST {
         return Vec::new();
-    };
+    }
+    let step = usual_step(time);
     let least = ((SHORTEST / step).ceil() as usize).max(2);
-    let most = ((LONGEST * count as f64) as usize).max(least);
+    let most = (LONGEST / step).min(SHARE * time.len() as f64);
+    let most = (most as usize).max(least);
     // Each joint in units of its usual deviation, and how many of its samples are independent.
     let mut scaled: Vec<Vec<f64>> = Vec::new();
     let mut shares = Vec::new();
@@ -91,10 +96,9 @@ pub(super) fn contacts(
     let kept = (1..=MOST.min(found.len())).find(stands_out);
     let total: f64 = left.iter().flatten().map(|value| value * value).sum();
     let of = |stretch: &Stretch| {
-        let mean =
-            |values: &[f64]| metrology::statistics::mean(&values[stretch.first..stretch.end]);
-        let felt = (0..left.len()).filter(|&joint| mean(&scaled[joint]).abs() > FELT);
-        let joints: Vec<(usize, f64)> = felt.map(|joint| (joint, mean(&left[joint]))).collect();
+        let shift = |values: &[f64]| mean(&values[stretch.first..stretch.end]);
+        let felt = (0..left.len()).filter(|&joint| shift(&scaled[joint]).abs() > FELT);
+        let joints: Vec<(usize, f64)> = felt.map(|joint| (joint, shift(&left[joint]))).collect();
         if joints.is_empty() {
             return None;
         }
@@ -157,8 +161,8 @@ fn edge(time: &[f64], scaled: &[Vec<f64>], place: usize, around: usize) -> f64 {
         (place + around).min(time.len()),
     );
     let spread = |values: &[f64]| -> f64 {
-        let mean = metrology::statistics::mean(values);
-        values.iter().map(|value| (value - mean).powi(2)).sum()
+        let middle = mean(values);
+        values.iter().map(|value| (value - middle).powi(2)).sum()
     };
     let left = |split: &usize| -> f64 {
         let parts =

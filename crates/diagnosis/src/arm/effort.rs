@@ -147,6 +147,14 @@ impl<'a> Efforts<'a> {
         (!efforts.blocks.is_empty()).then_some(efforts)
     }
 
+    /// A session of which nothing can be compared.
+    pub(super) fn still(&self) -> Option<&str> {
+        let tracks = self.tracks();
+        let is_seen = |session: &usize| self.blocks.iter().any(|one| one.session == *session);
+        let still = (0..tracks.len()).find(|session| !is_seen(session))?;
+        Some(tracks[still].session.as_str())
+    }
+
     /// A joint whose effort never changes its sign although that of its weight does: a magnitude, which cannot be compared.
     pub(super) fn magnitude(&self) -> Option<&str> {
         let count = self.dynamics.bodies().len();
@@ -217,7 +225,7 @@ impl<'a> Efforts<'a> {
                     match family.effect {
                         "drive.coulomb_friction" => {
                             own[2 * joint] = sign;
-                            own[2 * joint + 1] = sign * nominal.abs();
+                            own[2 * joint + 1] = sign * (nominal.abs() - sizes.load[joint]);
                         }
                         "drive.viscous_friction" => own[joint] = speed[joint],
                         "drive.friction_offset" => own[joint] = 1.0,
@@ -855,6 +863,8 @@ struct UsualSizes {
     speed: Vec<f64>,
     acceleration: Vec<f64>,
     effort: Vec<f64>,
+    /// Mean size of the efforts of the description: friction that grows with the load is told from that at the usual one.
+    load: Vec<f64>,
 }
 
 impl UsualSizes {
@@ -871,10 +881,21 @@ impl UsualSizes {
             each(&track.effort),
         );
         debug_assert_eq!(speed.len(), dynamics.bodies().len());
+        let mut load = vec![0.0; speed.len()];
+        for sample in 0..track.len() {
+            let [position, speed, acceleration] =
+                [&track.position, &track.speed, &track.acceleration]
+                    .map(|values| Track::row(values, sample));
+            let efforts = dynamics.efforts(&position, &speed, &acceleration);
+            for (sum, effort) in load.iter_mut().zip(efforts) {
+                *sum += effort.abs() / track.len() as f64;
+            }
+        }
         Self {
             speed,
             acceleration,
             effort,
+            load,
         }
     }
 }

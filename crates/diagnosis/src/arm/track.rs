@@ -19,7 +19,7 @@ const MOST_WIDTH: f64 = 0.5;
 /// Noise of an acceleration over the acceleration, up to which the low-pass stays as it is.
 const QUIET: f64 = 0.05;
 /// Fewest samples of a record.
-const FEWEST: usize = 50;
+pub(super) const FEWEST: usize = 50;
 /// Standard deviations of the low-pass from one kept sample to the next.
 const KEPT: f64 = 1.7;
 /// Standard deviations over which the low-pass, and the derivatives behind it, reach.

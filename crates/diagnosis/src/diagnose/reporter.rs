@@ -109,6 +109,7 @@ impl Reporter<'_> {
             fitted: Vec::new(),
             withheld: Vec::new(),
             measured: self.session.measured(),
+            mount: None,
             machine: Some(Machine::of(
                 &self.session.robot_description,
                 self.observations.chain.name(),

@@ -54,6 +54,7 @@ pub(super) fn report(session: &Session, rows: &Rows<'_>, judged: &Judged) -> (Re
         fitted: Vec::new(),
         withheld: Vec::new(),
         measured: session.measured(),
+        mount: None,
         machine,
         samples: gap_used.len(),
         verdict,

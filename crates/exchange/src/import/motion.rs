@@ -36,15 +36,18 @@ pub struct Motion {
 /// A column: joint, index, and value in SI over that in the file.
 type Column = (String, usize, f64);
 
-/// Reads a table; `kind` says how a joint of that name moves, `None` where the robot has none. An empty cell is no sample.
+/// Reads a table of a robot with these joints that move. An empty cell is no sample.
 ///
 /// # Errors
 /// The first mistake, with line and column where there is one.
 pub fn read(
     table: &Table,
     settings: &Settings,
-    kind: impl Fn(&str) -> Option<JointKind>,
+    joints: &[(String, JointKind)],
 ) -> Result<Motion, ImportError> {
+    if table.rows.is_empty() {
+        return Err(ImportError::whole("it has no row of numbers"));
+    }
     let named = if settings.columns.is_empty() {
         let is_role = |name: &&String| {
             ROLES
@@ -69,8 +72,9 @@ pub fn read(
             }
         });
         let what = format!(
-            "no column is named like a role ({}): name them by --columns",
-            roles.join(", ")
+            "no column is named like a role ({}): name them by --columns; the file has {}",
+            roles.join(", "),
+            table.header.join(", ")
         );
         return Err(ImportError::whole(what));
     }
@@ -81,9 +85,12 @@ pub fn read(
     let (_, second) = settings.units.of(Quantity::Time)?;
     let of = |role: &str| -> Result<Vec<Column>, ImportError> {
         let columns = columns.of_prefix(role).map(|(joint, index)| {
-            let moves = kind(joint).ok_or_else(|| {
+            let known = joints.iter().find(|one| one.0 == joint);
+            let &(_, moves) = known.ok_or_else(|| {
+                let names: Vec<&str> = joints.iter().map(|one| one.0.as_str()).collect();
                 ImportError::whole(format!(
-                    "the robot description has no joint {joint} that moves"
+                    "the robot description has no joint {joint} that moves; it has {}",
+                    names.join(", ")
                 ))
             })?;
             let quantity = match moves {
@@ -173,12 +180,9 @@ mod tests {
         Units::parse(text).expect("units")
     }
 
-    fn kind(joint: &str) -> Option<JointKind> {
-        match joint {
-            "J1" => Some(JointKind::Revolute),
-            "Z" => Some(JointKind::Prismatic),
-            _ => None,
-        }
+    fn joints() -> [(String, JointKind); 2] {
+        [("J1", JointKind::Revolute), ("Z", JointKind::Prismatic)]
+            .map(|(name, kind)| (name.to_owned(), kind))
     }
 
     fn of(text: &str, columns: &str, said: &str) -> Result<Motion, ImportError> {
@@ -188,7 +192,7 @@ mod tests {
             layout: Layout::default(),
             units: units(said),
         };
-        read(&table, &settings, kind)
+        read(&table, &settings, &joints())
     }
 
     const LOG: &str = "t,q1,z,i1,target\n0,90,10,1.5,91\n0.5,,20,-1,92\n";
@@ -218,6 +222,8 @@ mod tests {
 
     #[test]
     fn what_is_wrong_is_named() {
+        let empty = of("t,q1\n", "time=t,position.J1=q1", "time=s,angle=deg").expect_err("refused");
+        assert!(empty.to_string().contains("no row"), "{empty}");
         for (columns, said, expected) in [
             (
                 "",
@@ -237,7 +243,7 @@ mod tests {
             (
                 "time=t,position.J9=q1",
                 "time=s,angle=deg",
-                "no joint J9 that moves",
+                "no joint J9 that moves; it has J1, Z",
             ),
             ("time=t,position.J1=q1", "time=s", "angle"),
             (

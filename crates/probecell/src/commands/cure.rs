@@ -51,9 +51,6 @@ pub(crate) struct Arguments {
     /// Robot description against which the machine was measured; default: that of the recording.
     #[arg(long, value_name = "FILE", requires = "format")]
     urdf: Option<PathBuf>,
-    /// Link that carries the tool, where the robot description has no `probe_mount`; default: as `import motion` finds it.
-    #[arg(long, value_name = "LINK", requires = "format")]
-    mount: Option<String>,
     /// Settings of the machine as they were when it was measured: INI, printer.cfg, or what `$$`, M503 or config.g say.
     #[arg(long, value_name = "FILE", requires = "format")]
     current: Option<PathBuf>,
@@ -100,7 +97,6 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         points: arguments.points,
         travel: [arguments.from, arguments.to],
         urdf: urdf.as_ref(),
-        mount: arguments.mount.as_deref(),
         current: current.as_ref(),
     })?;
     let out = arguments.out.as_deref();

@@ -111,6 +111,12 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
             .map(|path| read(path, arguments))
             .collect::<anyhow::Result<Vec<_>>>()
     };
+    if let Some(both) = bags.iter().find(|path| arguments.withhold.contains(path)) {
+        bail!(
+            "{} is fitted and withheld: what is fitted cannot judge",
+            both.display()
+        );
+    }
     let (fit, withheld) = (sessions(bags)?, sessions(&arguments.withhold)?);
     let (result, residuals) = diagnose_together_with_residuals(&fit, &withheld, &options)?;
     print(arguments, &result, &residuals)?;

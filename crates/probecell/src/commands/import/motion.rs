@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
-use bags::Bag;
+use bags::{Bag, Channel};
 use diagnosis::Session;
 use exchange::import::motion::{Motion, Settings, read};
 use exchange::table::Table;
 use exchange::units::Units;
+use machine::JointKind;
 use probecell_msgs::sensor_msgs::JointState;
-use probecell_msgs::std_msgs;
+use probecell_msgs::{Message, std_msgs};
 use session_io::import::{table_text_of, text_of};
 use session_io::write;
 
@@ -35,7 +36,7 @@ pub(crate) struct Arguments {
     columns: String,
     #[command(flatten)]
     table: TableArguments,
-    /// Robot description (URDF, expanded from xacro); default: what the recording has on `robot_description`.
+    /// Robot description (URDF, expanded from xacro); default: what the recording has on a topic `robot_description`.
     #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
     /// Topic of what the joints did (sensor_msgs/JointState: positions, and speeds and efforts where there are any).
@@ -77,10 +78,13 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         .iter()
         .filter(|joint| !known.contains(joint))
         .collect();
+    let moving = moving(&session.robot_description)?;
+    let names = moving.iter().map(|(name, _)| name.as_str());
     ensure!(
         foreign.len() < joints.len(),
-        "{} has no joint of the description; it has {}",
-        arguments.joint_states,
+        "no joint of {} is in the robot description, which has {}; recorded are {}",
+        arguments.bag.display(),
+        names.collect::<Vec<_>>().join(", "),
         joints.join(", ")
     );
     for all in [&mut session.joint_states, &mut session.joint_commands] {
@@ -111,6 +115,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
             names.join(", ")
         ));
     }
+    let absent = moving.iter().map(|(name, _)| name);
+    let absent: Vec<&str> = absent
+        .filter(|name| !joints.contains(name))
+        .map(String::as_str)
+        .collect();
+    if !absent.is_empty() {
+        output::remark(&format!("not recorded, held at 0: {}", absent.join(", ")));
+    }
     if !made.added.is_empty() {
         output::line(&format!(
             "added to the description: {}",
@@ -124,11 +136,26 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 /// States and commands of the joints, and the robot description.
 type Read = (Vec<JointState>, Vec<JointState>, String);
 
+/// Joints of a description that move by themselves.
+fn moving(urdf: &str) -> anyhow::Result<Vec<(String, JointKind)>> {
+    let joints = machine::tree::joints(urdf)?
+        .into_iter()
+        .map(|one| one.joint);
+    let moving = joints.filter(machine::Joint::moves);
+    Ok(moving.map(|joint| (joint.name, joint.kind)).collect())
+}
+
 /// Of a recording.
 fn recorded(arguments: &Arguments) -> anyhow::Result<Read> {
     ensure!(
         arguments.columns.is_empty(),
         "--columns is for a table, whose units are named by --units"
+    );
+    let name = arguments.bag.extension().unwrap_or_default();
+    ensure!(
+        !arguments.bag.is_file() || name == "mcap",
+        "{} is no recording (.mcap, or a folder); of a table name the units: --units time=s,angle=rad",
+        arguments.bag.display()
     );
     let bag = Bag::open(&arguments.bag)?;
     if let Some(damage) = bag.verify().first() {
@@ -158,13 +185,8 @@ fn tabulated(arguments: &Arguments) -> anyhow::Result<Read> {
         units: Units::parse(&arguments.table.units).context("--units")?,
     };
     let table = Table::read(&text, settings.layout).with_context(of_file)?;
-    let joints = machine::tree::joints(&urdf)?;
-    let kind = |name: &str| {
-        let mut all = joints.iter().map(|one| &one.joint);
-        all.find(|joint| joint.name == name && joint.moves())
-            .map(|joint| joint.kind)
-    };
-    let Motion { states, commands } = read(&table, &settings, kind).with_context(of_file)?;
+    let joints = moving(&urdf)?;
+    let Motion { states, commands } = read(&table, &settings, &joints).with_context(of_file)?;
     if let Some(assumed) = assumed {
         output::remark(&assumed);
     }
@@ -178,8 +200,7 @@ fn tabulated(arguments: &Arguments) -> anyhow::Result<Read> {
 }
 
 fn commands(bag: &Bag, topic: &str) -> anyhow::Result<Vec<JointState>> {
-    let is_state =
-        |channel: &std::sync::Arc<bags::Channel>| channel.type_name == controller_state::TYPE;
+    let is_state = |channel: &std::sync::Arc<Channel>| channel.type_name == controller_state::TYPE;
     if !bag.channels_of(topic).any(is_state) {
         return messages(bag, topic);
     }
@@ -189,6 +210,20 @@ fn commands(bag: &Bag, topic: &str) -> anyhow::Result<Vec<JointState>> {
 }
 
 fn messages(bag: &Bag, topic: &str) -> anyhow::Result<Vec<JointState>> {
+    let of_type = |channel: &&std::sync::Arc<Channel>| channel.type_name == JointState::TYPE.name;
+    if bag.channels_of(topic).next().is_none() {
+        let others = bag.channels().iter().filter(of_type);
+        let others: Vec<&str> = others.map(|channel| channel.topic.as_str()).collect();
+        bail!(
+            "{} has no topic {topic}; joint states are on {}",
+            bag.path().display(),
+            if others.is_empty() {
+                "none".to_owned()
+            } else {
+                others.join(", ")
+            }
+        );
+    }
     let all: Result<Vec<JointState>, _> = (bag.typed::<JointState>(topic)?)
         .map(|one| one.map(|one| one.message))
         .collect();
@@ -197,16 +232,19 @@ fn messages(bag: &Bag, topic: &str) -> anyhow::Result<Vec<JointState>> {
     Ok(all)
 }
 
-/// What the recording has on a topic `robot_description`.
+/// What the recording has on a topic `robot_description`, of whatever namespace.
 fn description(bag: &Bag) -> anyhow::Result<String> {
-    let last = |topic: &str| -> anyhow::Result<Option<String>> {
-        let Ok(mut all) = bag.typed::<std_msgs::String>(topic) else {
-            return Ok(None);
-        };
-        Ok(all.next().transpose()?.map(|one| one.message.data))
-    };
-    last("/robot_description")?
-        .context("the recording has no /robot_description: name the file, --urdf")
+    let topics = bag.channels().iter().map(|channel| channel.topic.as_str());
+    let mut topics = topics.filter(|topic| topic.ends_with("/robot_description"));
+    let topic = topics
+        .next()
+        .context("the recording has no robot_description: name the file, --urdf")?;
+    if let Some(other) = topics.find(|other| *other != topic) {
+        bail!("the recording has {topic} and {other}: name the file, --urdf");
+    }
+    let mut all = bag.typed::<std_msgs::String>(topic)?;
+    let last = all.next().transpose()?.map(|one| one.message.data);
+    last.with_context(|| format!("{topic} has no message: name the file, --urdf"))
 }
 
 /// Leaves out the joints that are not among some.
