@@ -17,6 +17,16 @@ pub struct File {
     pub text: String,
 }
 
+impl File {
+    /// What is wrong with it, and what to do.
+    pub(crate) fn wrong(&self, what: impl Into<String>) -> CureError {
+        CureError::File {
+            file: self.name.clone(),
+            what: what.into(),
+        }
+    }
+}
+
 /// What a person asks for.
 #[derive(Debug, Clone)]
 pub struct Request<'a> {

@@ -121,10 +121,7 @@ impl<'a> Settings<'a> {
 
     /// What is wrong with the file.
     pub(crate) fn wrong(&self, what: &str) -> CureError {
-        CureError::File {
-            file: self.file.name.clone(),
-            what: what.to_owned(),
-        }
+        self.file.wrong(what)
     }
 
     /// The text with its changes.

@@ -143,18 +143,14 @@ impl Outcome<'_> {
             after,
         } = self.named;
         let (gap, left) = (size(&before), size(&after));
-        let verdict = match (gap <= QUIET * self.floor, effects.is_empty()) {
+        let is_quiet = gap <= QUIET * self.floor;
+        let effects = if is_quiet { Vec::new() } else { effects };
+        let is_alone = touched.is_empty();
+        let verdict = match (is_quiet && is_alone, effects.is_empty()) {
             (true, _) => Verdict::NoGap,
             (false, true) => Verdict::Unexplained,
-            (false, false) if touched.is_empty() && left <= EXPLAINED * self.floor => {
-                Verdict::Explained
-            }
+            (false, false) if is_alone && left <= EXPLAINED * self.floor => Verdict::Explained,
             (false, false) => Verdict::PartlyExplained,
-        };
-        let effects = if verdict == Verdict::NoGap {
-            Vec::new()
-        } else {
-            effects
         };
         let place = |all: &[Left]| -> Vec<Place> {
             let energy = |joint: usize| -> f64 {
@@ -170,10 +166,6 @@ impl Outcome<'_> {
                 share: energy(joint) / total.max(f64::MIN_POSITIVE),
             };
             dynamics.bodies().iter().enumerate().map(of).collect()
-        };
-        let verdict = match verdict {
-            Verdict::NoGap if !touched.is_empty() => Verdict::Unexplained,
-            verdict => verdict,
         };
         let is_open = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);
         let report = Report {

@@ -13,6 +13,7 @@ pub mod touches;
 use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
 
 use crate::ImportError;
+use crate::table::Row;
 
 /// Messages of a session that was imported, and what became of each row.
 #[derive(Clone, Debug, Default)]
@@ -33,6 +34,17 @@ pub struct Imported {
     pub refused: Vec<ImportError>,
     /// What the user should know, a sentence each.
     pub remarks: Vec<String>,
+}
+
+/// A time (s) that a row has in a column: not negative, and before 2106, where the seconds of a stamp end.
+fn instant(time: f64, row: &Row, index: usize) -> Result<f64, ImportError> {
+    if (0.0..f64::from(u32::MAX)).contains(&time) {
+        return Ok(time);
+    }
+    Err(row.wrong(
+        index,
+        "expected a time that is not negative, and before 2106",
+    ))
 }
 
 /// What became of the rows of a file; read and refused are all of them.

@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio
 
 import plant
+import planted
 import robots
 
 LEFT = 0.25  # of the gap, at most
@@ -30,6 +31,34 @@ def run(*words):
     if done.returncode:
         raise SystemExit(f"{' '.join(map(str, words))}: {done.stderr.strip()}")
     return done.stdout
+
+
+def refused(what, *words):
+    """The program says in one line what is wrong, with exit status 2."""
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True)
+    told = done.stderr.strip()
+    assert done.returncode == 2 and what in told and "\n" not in told, f"{' '.join(map(str, words))}: {done.returncode}, {told}"
+
+
+def wrong(program, work, urdf, flange):
+    """What a new user typed."""
+    without, held = work / "without", work / "held.mcap"
+    refused("is fitted and withheld", program, "diagnose", "--fit", without, work / "with", "--withhold", without)
+    refused("joint states are on /cell/joint_states", program, "import", "motion", held, "--out", work / "none")
+    table = planted.tabulated(held)
+    refused("--units time=s", program, "import", "motion", table, "--urdf", urdf, "--out", work / "none")
+    rows = table.read_text().splitlines()
+    few = work / "few.csv"
+    few.write_text("\n".join(rows[:30]))
+    settings = ("--urdf", urdf, "--units", "time=s,angle=rad", "--mount", flange)
+    run(program, "import", "motion", few, *settings, "--out", work / "few")
+    refused("fewer than 50 samples", program, "diagnose", "--fit", without, "--withhold", work / "few")
+    # Milliseconds that are read as seconds.
+    late = work / "late.csv"
+    moments = [row.split(",", 1) for row in rows[1:]]
+    late.write_text("\n".join([rows[0], *(f"{(float(time) - plant.START) * 1000},{rest}" for time, rest in moments)]))
+    run(program, "import", "motion", late, *settings, "--out", work / "late")
+    refused("is the unit of its times right?", program, "diagnose", "--fit", without, "--withhold", work / "late")
 
 
 def hidden(arm, random):
@@ -127,6 +156,8 @@ def main(program, seed=0):
             report = json.loads(text)
             (work / "report.json").write_text(text)
             (work / "opposite.json").write_text(json.dumps(opposite(json.loads(text))))
+            if place == 0:
+                wrong(program, work, urdf, flange)
             named = {effect["effect"] for effect in report["effects"]}
             chosen = [word for name in VAGUE if name in named for word in ("--member", name)]
             written = {

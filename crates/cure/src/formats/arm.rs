@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use machine::chain::PROBE_MOUNT;
 use machine::inertial::declared_friction;
 use machine::{Inertial, PARAMETERS};
 use nalgebra::{Matrix3, Vector3};
@@ -13,16 +14,13 @@ use super::description::Description;
 use crate::CureError;
 use crate::cause::Cause;
 use crate::head::Change;
-use crate::job::Job;
+use crate::job::{File, Job};
 
 /// Effects of an arm in motion that a robot description holds.
-pub(super) const HOLDS: [&str; 4] = [PAYLOAD, LINKS, COULOMB, VISCOUS];
-/// Link of a cell that carries the tool.
-const PROBE_MOUNT: &str = "probe_mount";
-const PAYLOAD: &str = "drive.payload";
-const LINKS: &str = "drive.link_inertia";
-const COULOMB: &str = "drive.coulomb_friction";
-const VISCOUS: &str = "drive.viscous_friction";
+pub(super) const PAYLOAD: &str = "drive.payload";
+pub(super) const LINKS: &str = "drive.link_inertia";
+pub(super) const COULOMB: &str = "drive.coulomb_friction";
+pub(super) const VISCOUS: &str = "drive.viscous_friction";
 
 /// Least mass of a link over what it has.
 const LEAST: f64 = 0.05;
@@ -45,23 +43,21 @@ pub(super) fn write(
     job: &Job<'_>,
     description: &mut Description<'_>,
 ) -> Result<(Vec<Change>, Vec<String>), CureError> {
+    let file = job.urdf()?;
     let (mut changes, mut remarks) = (Vec::new(), Vec::new());
     for (link, added) in masses(job)? {
-        let text = &job.urdf()?.text;
-        let before = Inertial::of_link(text, &link)?.ok_or_else(|| missing(job, "link", &link))?;
-        if before.mass.max(added[0]) <= 0.0 {
-            return Err(CureError::File {
-                file: job.urdf()?.name.clone(),
-                what: format!(
-                    "its link {link} has no mass: the arm was measured against another description"
-                ),
-            });
+        let before = Inertial::of_link(&file.text, &link)?;
+        let before = before.ok_or_else(|| missing(file, "link", &link))?;
+        let mass = before.mass.max(added[0]);
+        if mass <= 0.0 {
+            return Err(file.wrong(format!(
+                "its link {link} has no mass: the arm was measured against another description"
+            )));
         }
         let mut parameters = before.parameters();
         for (sum, more) in parameters.iter_mut().zip(added) {
             *sum += more;
         }
-        let mass = before.mass.max(added[0]);
         let after = Inertial::nearest(&parameters, LEAST * mass);
         let size = mass * after.centre.norm_squared().max(SMALL * SMALL);
         let mut pairs = after.parameters().into_iter().zip(parameters);
@@ -82,24 +78,20 @@ pub(super) fn write(
             interval: None,
         }));
     }
-    if causes(job, LINKS).count() > 0 {
+    if causes(job, LINKS).next().is_some() {
         remarks.push("inertias of the links changed as well".to_owned());
     }
-    if causes(job, PAYLOAD).count() > 0 {
+    if causes(job, PAYLOAD).next().is_some() {
         remarks.push("the load is a point: its inertia is not known".to_owned());
     }
     friction(job, description, (&mut changes, &mut remarks))?;
     Ok((changes, remarks))
 }
 
-fn missing(job: &Job<'_>, kind: &str, name: &str) -> CureError {
-    CureError::File {
-        file: job
-            .request
-            .urdf
-            .map_or_else(String::new, |file| file.name.clone()),
-        what: format!("it has no {kind} {name}, of which the report speaks"),
-    }
+fn missing(file: &File, kind: &str, name: &str) -> CureError {
+    file.wrong(format!(
+        "it has no {kind} {name}, of which the report speaks"
+    ))
 }
 
 fn causes<'j>(job: &'j Job<'_>, name: &'static str) -> impl Iterator<Item = &'j Cause> {
@@ -166,9 +158,10 @@ fn friction(
             }
         }
     }
+    let file = job.urdf()?;
     for (joint, found) in found {
-        let declared = declared_friction(&job.urdf()?.text, joint)?;
-        let declared = declared.ok_or_else(|| missing(job, "joint", joint))?;
+        let declared = declared_friction(&file.text, joint)?;
+        let declared = declared.ok_or_else(|| missing(file, "joint", joint))?;
         let mut written = [None; 2];
         for (number, what) in ["damping", "friction"].into_iter().enumerate() {
             let Some(more) = found[number] else { continue };

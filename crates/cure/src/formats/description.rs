@@ -29,10 +29,7 @@ impl<'a> Description<'a> {
             ..ParsingOptions::default()
         };
         let document = Document::parse_with_options(&file.text, options);
-        let document = document.map_err(|error| CureError::File {
-            file: file.name.clone(),
-            what: format!("no XML: {error}"),
-        })?;
+        let document = document.map_err(|error| file.wrong(format!("no XML: {error}")))?;
         Ok(Self {
             file,
             document,
@@ -44,10 +41,7 @@ impl<'a> Description<'a> {
         let mut all =
             (self.document.root_element().children()).filter(|one| one.has_tag_name(kind));
         let found = all.find(|one| one.attribute("name") == Some(name));
-        found.ok_or_else(|| CureError::File {
-            file: self.file.name.clone(),
-            what: format!("it has no {kind} {name}"),
-        })
+        found.ok_or_else(|| self.file.wrong(format!("it has no {kind} {name}")))
     }
 
     /// Gives an element these attributes inside another; it is added where there is none.

@@ -48,7 +48,7 @@ fn grbl(job: &Job<'_>) -> Result<String, CureError> {
             .find(cause.axis())
             .filter(|_| cause.axis().len() == 1);
         let key = place.map(|place| format!("${}", 100 + place));
-        let key = key.ok_or_else(|| wrong(file, &format!("GRBL has no axis {}", cause.axis())))?;
+        let key = key.ok_or_else(|| file.wrong(format!("GRBL has no axis {}", cause.axis())))?;
         let setting = |line: &str| {
             line.trim()
                 .strip_prefix(&key)?
@@ -56,11 +56,11 @@ fn grbl(job: &Job<'_>) -> Result<String, CureError> {
                 .map(str::to_owned)
         };
         let value = file.text.lines().find_map(setting);
-        let value = value.ok_or_else(|| wrong(file, &format!("it has no {key}")))?;
+        let value = value.ok_or_else(|| file.wrong(format!("it has no {key}")))?;
         let word = value.split([' ', '(']).next().unwrap_or_default();
         let before: f64 = word
             .parse()
-            .map_err(|_| wrong(file, &format!("{key} is {word:?}, not a number")))?;
+            .map_err(|_| file.wrong(format!("{key} is {word:?}, not a number")))?;
         let change = steps(&key, before, cause);
         lines.push(format!("{key}={}\n", number(change.after)));
         undo.push(format!("{key}={}", number(before)));
@@ -116,13 +116,6 @@ fn steps(what: &str, before: f64, cause: &Cause) -> Change {
         before: Some(before),
         after: by(cause.value("k")),
         interval: Some(cause.interval("k").map(by)),
-    }
-}
-
-fn wrong(file: &File, what: &str) -> CureError {
-    CureError::File {
-        file: file.name.clone(),
-        what: what.to_owned(),
     }
 }
 
@@ -196,17 +189,16 @@ impl<'a> Sent<'a> {
             return Ok(());
         }
         if self.value("M669", "K").is_some_and(|kind| kind != 0.0) {
-            return Err(wrong(
-                self.file,
-                "M669 names kinematics in which a motor is no axis: M92 is not written",
-            ));
+            return Err(self
+                .file
+                .wrong("M669 names kinematics in which a motor is no axis: M92 is not written"));
         }
         let (mut line, mut undo) = (vec!["M92".to_owned()], vec!["M92".to_owned()]);
         for cause in causes {
             let axis = cause.axis();
             let before = self.value("M92", axis);
             let before =
-                before.ok_or_else(|| wrong(self.file, &format!("it has no M92 with {axis}")))?;
+                before.ok_or_else(|| self.file.wrong(format!("it has no M92 with {axis}")))?;
             let change = steps(&format!("M92 {axis}"), before, cause);
             line.push(format!("{axis}{}", number(change.after)));
             undo.push(format!("{axis}{}", number(before)));
@@ -227,10 +219,9 @@ impl<'a> Sent<'a> {
                 .value("M425", "F")
                 .is_some_and(|now| now != 0.0 && now != 1.0)
         {
-            return Err(wrong(
-                self.file,
-                "M425 F is neither 0 nor 1: set it to 1 and measure again",
-            ));
+            return Err(self
+                .file
+                .wrong("M425 F is neither 0 nor 1: set it to 1 and measure again"));
         }
         let is_on = share.is_empty() || self.value("M425", "F") == Some(1.0);
         let (mut line, mut undo) = (vec![format!("M425{share}")], vec!["M425".to_owned()]);
@@ -255,13 +246,10 @@ impl<'a> Sent<'a> {
             let by = |b: f64| base + b * 1e3;
             let after = by(cause.value("b"));
             if after < 0.0 {
-                return Err(wrong(
-                    self.file,
-                    &format!(
-                        "M425 {axis} would become {}, less than nothing",
-                        number(after)
-                    ),
-                ));
+                return Err(self.file.wrong(format!(
+                    "M425 {axis} would become {}, less than nothing",
+                    number(after)
+                )));
             }
             line.push(format!("{axis}{after:.4}"));
             undo.push(format!("{axis}{}", number(before.unwrap_or(0.0))));
@@ -285,7 +273,7 @@ impl<'a> Sent<'a> {
             .any(|&(letter, value)| letter != 'S' && value != 0.0)
         {
             let what = format!("{command} corrects skew already: set it to 0 and measure again");
-            return Err(wrong(self.file, &what));
+            return Err(self.file.wrong(what));
         }
         Ok(())
     }

@@ -128,10 +128,7 @@ struct Net<'a> {
 
 impl<'a> Net<'a> {
     fn wrong(&self, what: &str) -> CureError {
-        CureError::File {
-            file: self.file.name.clone(),
-            what: what.to_owned(),
-        }
+        self.file.wrong(what)
     }
 
     /// Lines without comments, and the byte where each begins and ends.

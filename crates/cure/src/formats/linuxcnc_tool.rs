@@ -70,13 +70,10 @@ fn probe(file: &File, number: Option<u32>) -> Result<(usize, &str), CureError> {
     }
     match found.as_slice() {
         [one] => Ok(*one),
-        _ => Err(wrong(
-            file,
-            &format!(
-                "{} lines are of the probe: say which by --tool N",
-                found.len()
-            ),
-        )),
+        _ => Err(file.wrong(format!(
+            "{} lines are of the probe: say which by --tool N",
+            found.len()
+        ))),
     }
 }
 
@@ -87,17 +84,9 @@ fn word(file: &File, line: &str, letter: char) -> Result<(Range<usize>, f64), Cu
         words.find_map(|word| Some((word, word.strip_prefix(letter)?.parse::<f64>().ok()?)));
     let place = found.and_then(|(word, value)| Some((line.find(word)?, word.len(), value)));
     let (place, length, value) = place.ok_or_else(|| {
-        wrong(
-            file,
-            &format!("the line of the probe has no {letter} with a number"),
-        )
+        file.wrong(format!(
+            "the line of the probe has no {letter} with a number"
+        ))
     })?;
     Ok((place..place + length, value))
-}
-
-fn wrong(file: &File, what: &str) -> CureError {
-    CureError::File {
-        file: file.name.clone(),
-        what: what.to_owned(),
-    }
 }

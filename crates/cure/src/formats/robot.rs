@@ -19,7 +19,8 @@ use crate::formats::description::Description;
 use crate::head::{Change, commented, number};
 use crate::job::{Format, Job};
 
-const HOLDS: &[&str] = &["link.E<c>0<A>"];
+const LINK_ERROR: &str = "link.E<c>0<A>";
+const HOLDS: &[&str] = &[LINK_ERROR];
 /// Components of a location error, in the order of a twist.
 const COMPONENTS: [char; 6] = ['X', 'Y', 'Z', 'A', 'B', 'C'];
 
@@ -28,11 +29,11 @@ pub(crate) const URDF: Format = Format {
     name: "urdf",
     about: "the robot description with calibrated origins, masses and friction; --urdf FILE",
     holds: &[
-        HOLDS[0],
-        arm::HOLDS[0],
-        arm::HOLDS[1],
-        arm::HOLDS[2],
-        arm::HOLDS[3],
+        LINK_ERROR,
+        arm::PAYLOAD,
+        arm::LINKS,
+        arm::COULOMB,
+        arm::VISCOUS,
     ],
     write: urdf,
 };
@@ -75,9 +76,11 @@ fn calibrated(job: &Job<'_>) -> Result<BTreeMap<String, Calibrated>, CureError> 
             continue;
         };
         let joint = all.iter().find(|one| one.joint.name == axis);
-        let joint = joint.ok_or_else(|| CureError::File {
-            file: file.name.clone(),
-            what: format!("it has no joint {axis}, in which {} was found", cause.name),
+        let joint = joint.ok_or_else(|| {
+            file.wrong(format!(
+                "it has no joint {axis}, in which {} was found",
+                cause.name
+            ))
         })?;
         let entry = found.entry(axis.to_owned()).or_insert_with(|| Calibrated {
             nominal: joint.joint.origin,
@@ -100,10 +103,7 @@ fn component(cause: &Cause) -> Option<(usize, &str)> {
 fn urdf(job: &Job<'_>) -> Result<String, CureError> {
     let file = job.urdf()?;
     if file.text.contains(job.request.digest) {
-        return Err(CureError::File {
-            file: file.name.clone(),
-            what: "it holds this report already".to_owned(),
-        });
+        return Err(file.wrong("it holds this report already"));
     }
     let found = calibrated(job)?;
     let mut description = Description::of(file)?;
@@ -163,9 +163,10 @@ fn ur_kinematics(job: &Job<'_>) -> Result<String, CureError> {
     let mut lines = vec!["kinematics:\n".to_owned()];
     for (joint, frame) in UR {
         let named = |one: &&TreeJoint| one.joint.name.ends_with(joint);
-        let nominal = all.iter().find(named).ok_or_else(|| CureError::File {
-            file: file.name.clone(),
-            what: format!("it has no joint {joint}: it is no arm of Universal Robots"),
+        let nominal = all.iter().find(named).ok_or_else(|| {
+            file.wrong(format!(
+                "it has no joint {joint}: it is no arm of Universal Robots"
+            ))
         })?;
         let of_it = found.get(&nominal.joint.name);
         let origin = of_it.map_or(nominal.joint.origin, Calibrated::origin);

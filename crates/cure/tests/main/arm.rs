@@ -1,6 +1,7 @@
 //! Arms in motion: the written description has what was found on top of what it declared, and every other byte of the given one.
 //! `tests/interop/arms/corrected.py` reads it by Pinocchio and MuJoCo.
 
+use diagnosis::Report;
 use machine::{Inertial, inertial::declared_friction};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::json;
@@ -17,20 +18,23 @@ const ARM: &str = r#"<robot name="arm"><link name="base"/>
 </robot>
 "#;
 
-fn arm(effects: &[serde_json::Value], members: &'static [&'static str]) -> Result<String, String> {
+/// A report of the efforts of an arm whose tool hangs on `flange`.
+fn of_efforts(effects: &[serde_json::Value]) -> Report {
     let mut report = report(effects);
     "effort".clone_into(&mut report.channel);
     "N m".clone_into(&mut report.gap.unit);
     report.mount = Some("flange".to_owned());
-    report.place = ["J1", "J2"]
-        .map(|key| {
-            serde_json::from_value(json!({"dimension": "axis", "key": key, "share": 0.5}))
-                .expect("a place")
-        })
-        .to_vec();
-    let urdf = file("arm.urdf", ARM);
+    report
+}
+
+fn arm(effects: &[serde_json::Value], members: &[&str]) -> Result<String, String> {
+    of(&of_efforts(effects), ARM, members)
+}
+
+fn of(report: &Report, urdf: &str, members: &[&str]) -> Result<String, String> {
+    let urdf = file("arm.urdf", urdf);
     let members: Vec<String> = members.iter().map(|&one| one.to_owned()).collect();
-    written(&report, "urdf", |ask| {
+    written(report, "urdf", |ask| {
         ask.urdf = Some(&urdf);
         ask.members = &members;
     })
@@ -156,6 +160,35 @@ fn what_the_description_lacks_is_named() {
     let refused = arm(&found, &[]).expect_err("refused");
     assert!(
         refused.contains("arm.urdf: it has no link lower, of which the report speaks"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_description_that_is_not_that_of_the_report_is_refused() {
+    let found = [effect(
+        "drive.link_inertia",
+        &[parameter("upper.mx", 0.1, "kg m")],
+    )];
+    let report = of_efforts(&found);
+    let weightless = ARM.replacen("<mass value=\"2\"/>", "<mass value=\"0\"/>", 1);
+    let refused = of(&report, &weightless, &[]).expect_err("refused");
+    assert!(
+        refused.contains("arm.urdf: its link upper has no mass"),
+        "{refused}"
+    );
+    let written = of(&report, ARM, &[]).expect("written");
+    let refused = of(&report, &written, &[]).expect_err("refused");
+    assert!(
+        refused.contains("it holds this report already"),
+        "{refused}"
+    );
+    // The numbers of a load are of the axes of one link.
+    let mut nowhere = of_efforts(&[load(1.5)]);
+    nowhere.mount = None;
+    let refused = of(&nowhere, ARM, &[]).expect_err("refused");
+    assert!(
+        refused.contains("does not say which link carries the load"),
         "{refused}"
     );
 }

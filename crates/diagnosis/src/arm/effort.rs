@@ -20,6 +20,11 @@ use super::track::Track;
 use crate::blocks::{better, independent_share};
 use crate::report::{Effect, ParameterEstimate};
 
+/// Families that are spoken of by name.
+const PAYLOAD: &str = "drive.payload";
+const LINKS: &str = "drive.link_inertia";
+const COULOMB: &str = "drive.coulomb_friction";
+
 /// A family must add so much log evidence, nats.
 const NATS: f64 = 7.0;
 /// A family that replaces another at less loss than this is not told from it, nats.
@@ -85,6 +90,8 @@ pub(super) struct Efforts<'a> {
     stretches: BTreeMap<(usize, usize), Sums>,
     /// Stretches of time in which something outside presses on the arm.
     contacts: Vec<Contact>,
+    /// The inner products of all families, and the fit of those of highest evidence.
+    selected: Option<(Products, Fit)>,
 }
 
 /// Columns and their coefficients.
@@ -138,12 +145,15 @@ impl<'a> Efforts<'a> {
             whole: (DMatrix::zeros(0, 0), DVector::zeros(0)),
             stretches: BTreeMap::new(),
             contacts,
+            selected: None,
         };
         for (session, track) in all().enumerate() {
             let withheld = session >= fitted.len();
             efforts.add(session, withheld, track, &sizes);
         }
         efforts.weigh();
+        let products = efforts.products();
+        efforts.selected = efforts.select(&products).map(|fit| (products, fit));
         (!efforts.blocks.is_empty()).then_some(efforts)
     }
 
@@ -223,7 +233,7 @@ impl<'a> Efforts<'a> {
                     }
                     let own = &mut row[family.span.clone()];
                     match family.effect {
-                        "drive.coulomb_friction" => {
+                        COULOMB => {
                             own[2 * joint] = sign;
                             own[2 * joint + 1] = sign * (nominal.abs() - sizes.load[joint]);
                         }
@@ -231,7 +241,7 @@ impl<'a> Efforts<'a> {
                         "drive.friction_offset" => own[joint] = 1.0,
                         "drive.inertia" => own[joint] = acceleration[joint],
                         "drive.effort_gain" => own[joint] = nominal + declared,
-                        "drive.payload" => own.copy_from_slice(&load[joint]),
+                        PAYLOAD => own.copy_from_slice(&load[joint]),
                         _ => own.copy_from_slice(links),
                     }
                     for (value, (_, _, usual)) in own.iter_mut().zip(&family.parameters) {
@@ -340,7 +350,7 @@ impl<'a> Efforts<'a> {
     }
 
     /// The families of highest evidence, each of which it needs.
-    fn selected(&self, products: &Products) -> Option<Fit> {
+    fn select(&self, products: &Products) -> Option<Fit> {
         let mut fit = products.fit(products.start())?;
         loop {
             let unused = (0..self.families.len()).filter(|one| !fit.sizes.families.contains(one));
@@ -377,22 +387,20 @@ impl<'a> Efforts<'a> {
 
     /// Place in a fit of a load in all motions whose mass may be none beside what the links can do in its place.
     fn weightless(&self, fit: &Fit) -> Option<usize> {
-        let is = |family: usize, effect: &str| self.families[family].effect == effect;
         let families = &fit.sizes.families;
-        let links = families.iter().any(|&one| is(one, "drive.link_inertia"));
+        let links = families.iter().any(|&one| self.is_links(one));
         let mut loads = (0..families.len()).filter(|&place| {
-            is(families[place], "drive.payload")
-                && self.families[families[place]].sessions.is_none()
+            let family = families[place];
+            self.is_load(family) && self.families[family].sessions.is_none()
         });
         loads.find(|&place| links && !(self.estimates(fit, families[place])[0].ci95[0] > 0.0))
     }
 
     /// Contacts in what the causes of highest evidence leave of each session.
     fn touched(&self) -> Vec<Contact> {
-        let products = self.products();
-        let fit = self.selected(&products);
-        let theta = fit.as_ref().and_then(|fit| self.coefficients(fit, None));
-        let (Some(fit), Some(theta)) = (fit, theta) else {
+        let selected = self.selected.as_ref();
+        let fitted = selected.and_then(|(_, fit)| Some((fit, self.coefficients(fit, None)?)));
+        let Some((fit, theta)) = fitted else {
             return Vec::new();
         };
         let tracks = self.tracks();
@@ -401,7 +409,7 @@ impl<'a> Efforts<'a> {
             let (columns, theta) = if session < self.fitted.len() {
                 theta.clone()
             } else {
-                self.without_loads(&fit, &theta, session).0
+                self.without_loads(fit, &theta, session).0
             };
             let joints = self.dynamics.bodies().len();
             let mut left: Vec<Vec<f64>> = vec![Vec::new(); joints];
@@ -430,10 +438,7 @@ impl<'a> Efforts<'a> {
 
     /// Dry friction of a joint, declared and found.
     fn dry_friction(&self, joint: usize, (columns, theta): (&[usize], &DVector<f64>)) -> f64 {
-        let coulomb = self
-            .families
-            .iter()
-            .find(|one| one.effect == "drive.coulomb_friction");
+        let coulomb = self.families.iter().find(|one| one.effect == COULOMB);
         let found = coulomb.and_then(|family| {
             let place = columns
                 .iter()
@@ -456,27 +461,18 @@ impl<'a> Efforts<'a> {
             place.map_or(0.0, |place| fit.mean[place])
         };
         let mut loads = fit.sizes.families.iter();
-        loads.all(|&family| self.families[family].effect != "drive.payload" || mass(family) >= 0.0)
+        loads.all(|&family| !self.is_load(family) || mass(family) >= 0.0)
     }
 
     /// The same with a load in the place of the links, where the data do not refuse it: the links can do what a load does.
     fn narrowed(&self, products: &Products, fit: &Fit) -> Option<Fit> {
-        let is = |one: usize, effect: &str| self.families[one].effect == effect;
-        let links = fit
-            .sizes
-            .families
-            .iter()
-            .position(|&one| is(one, "drive.link_inertia"))?;
-        if fit
-            .sizes
-            .families
-            .iter()
-            .any(|&one| is(one, "drive.payload"))
-        {
+        let mut families = fit.sizes.families.iter();
+        let links = families.clone().position(|&one| self.is_links(one))?;
+        if families.any(|&one| self.is_load(one)) {
             return None;
         }
         let rest = products.fit(fit.sizes.without(links))?;
-        let loads = (0..self.families.len()).filter(|&one| is(one, "drive.payload"));
+        let loads = (0..self.families.len()).filter(|&one| self.is_load(one));
         let with = loads.filter_map(|load| {
             let (_, variance) = products.gain(&rest, load);
             best_fit(products, &rest.sizes.with(load, variance)).filter(|fit| self.has_weight(fit))
@@ -599,11 +595,10 @@ impl<'a> Efforts<'a> {
 
     /// Names the causes.
     pub(super) fn named(&self) -> Option<Named> {
-        let products = self.products();
-        let fit = self.selected(&products)?;
-        let mut order = self.order(&products, &fit)?;
+        let (products, fit) = self.selected.as_ref()?;
+        let mut order = self.order(products, fit)?;
         let left = |families: &[usize], judged: bool| {
-            self.left(&Self::fit_of(&products, families, &fit)?, judged)
+            self.left(&Self::fit_of(products, families, fit)?, judged)
         };
         let mut before = [left(&[], false)?, left(&[], true)?];
         let beginning = before[1].clone();
@@ -625,15 +620,13 @@ impl<'a> Efforts<'a> {
             order.remove(next);
             next = 0;
         }
-        let fit = Self::fit_of(&products, &kept, &fit)?;
+        let fit = Self::fit_of(products, &kept, fit)?;
         let named = kept.iter().zip(&steps);
-        let effects = named.map(|(&family, [before, after])| {
-            self.effect(&products, &fit, family, (before, after))
-        });
+        let effects = named
+            .map(|(&family, [before, after])| self.effect(products, &fit, family, (before, after)));
         let effects = effects.collect();
         let theta = self.coefficients(&fit, None)?;
-        let loads = (kept.iter().copied())
-            .filter(|&family| self.families[family].effect == "drive.payload");
+        let loads = (kept.iter().copied()).filter(|&family| self.is_load(family));
         let remark = |family: usize| match &self.families[family].sessions {
             None => {
                 "a load and heavier links are told apart by a motion without the load".to_owned()
@@ -680,13 +673,16 @@ impl<'a> Efforts<'a> {
     }
 
     fn is_load(&self, family: usize) -> bool {
-        self.families[family].effect == "drive.payload"
+        self.families[family].effect == PAYLOAD
+    }
+
+    fn is_links(&self, family: usize) -> bool {
+        self.families[family].effect == LINKS
     }
 
     /// True where a family can do what another of these does: the parameters of the links hold those of a load.
     fn is_wider(&self, family: usize, rest: &[usize]) -> bool {
-        let is = |one: usize, effect: &str| self.families[one].effect == effect;
-        is(family, "drive.link_inertia") && rest.iter().any(|&one| is(one, "drive.payload"))
+        self.is_links(family) && rest.iter().any(|&one| self.is_load(one))
     }
 
     fn effect(
@@ -739,7 +735,7 @@ impl<'a> Efforts<'a> {
     /// Parameters of a family in a fit, with 95 % intervals.
     fn estimates(&self, fit: &Fit, family: usize) -> Vec<ParameterEstimate> {
         let own = &self.families[family];
-        let is_load = own.effect == "drive.payload";
+        let is_load = self.is_load(family);
         let covariance = match self.beside_usual_links(fit) {
             Some(covariance) if is_load && own.sessions.is_none() => covariance,
             _ => fit.covariance(),
@@ -789,7 +785,7 @@ impl<'a> Efforts<'a> {
             }
         });
         let mut estimates: Vec<ParameterEstimate> = estimates.collect();
-        if own.effect == "drive.link_inertia" {
+        if self.is_links(family) {
             // Those that differ from the description for sure come first.
             let certainty = |one: &ParameterEstimate| {
                 let half = 0.5 * (one.ci95[1] - one.ci95[0]);
@@ -803,9 +799,8 @@ impl<'a> Efforts<'a> {
     /// Covariance of the coefficients where the links may have any size of theirs: a load that acts in all
     /// motions has no other bound towards them.
     fn beside_usual_links(&self, fit: &Fit) -> Option<DMatrix<f64>> {
-        let is_links = |family: usize| self.families[family].effect == "drive.link_inertia";
         let (mut columns, mut precision) = (Vec::new(), Vec::new());
-        let links = (0..self.families.len()).filter(|one| is_links(*one));
+        let links = (0..self.families.len()).filter(|one| self.is_links(*one));
         let more = links
             .filter(|one| !fit.sizes.families.contains(one))
             .map(|one| (one, 0.0));
@@ -816,7 +811,7 @@ impl<'a> Efforts<'a> {
             .copied()
             .zip(fit.sizes.variances.iter().copied());
         for (family, variance) in own.chain(more) {
-            let usual = if is_links(family) { 1.0 } else { 0.0 };
+            let usual = if self.is_links(family) { 1.0 } else { 0.0 };
             let span = self.families[family].span.clone();
             precision.extend(span.clone().map(|_| 1.0 / variance.max(usual)));
             columns.extend(span);
@@ -923,7 +918,7 @@ fn families(dynamics: &Dynamics, sizes: &UsualSizes, sessions: usize, unit: &str
             (of(joint, "by_load"), "1".to_owned(), GAIN),
         ]
     });
-    add("drive.coulomb_friction", None, two.collect());
+    add(COULOMB, None, two.collect());
     let one = |name: &'static str, unit: String, usual: &dyn Fn(usize) -> f64| {
         let parameter = |joint: usize| (of(joint, name), unit.clone(), usual(joint));
         joints.clone().map(parameter).collect::<Vec<_>>()
@@ -981,17 +976,17 @@ fn families(dynamics: &Dynamics, sizes: &UsualSizes, sessions: usize, unit: &str
     });
     let links: Vec<_> = links.collect();
     debug_assert_eq!(links.len(), PARAMETERS * bodies.len());
-    add("drive.link_inertia", None, links);
+    add(LINKS, None, links);
     if dynamics.has_mount() {
         let reach = bodies.iter().map(|body| body.reach).fold(0.0, f64::max);
         let load = || parameters("", LOAD * total, LOAD_REACH * reach);
-        add("drive.payload", None, load());
+        add(PAYLOAD, None, load());
         if sessions > 1 {
             for session in 0..sessions {
-                add("drive.payload", Some(vec![session]), load());
+                add(PAYLOAD, Some(vec![session]), load());
                 let others: Vec<usize> = (0..sessions).filter(|&one| one != session).collect();
                 if others.len() > 1 {
-                    add("drive.payload", Some(others), load());
+                    add(PAYLOAD, Some(others), load());
                 }
             }
         }

@@ -6,6 +6,7 @@ use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::std_msgs::Header;
 
 use super::columns::Columns;
+use super::instant;
 use crate::ImportError;
 use crate::table::{Layout, Row, Table};
 use crate::units::{Quantity, Units};
@@ -119,13 +120,7 @@ pub fn read(
     }
     let mut motion = Motion::default();
     for row in &table.rows {
-        let at = second * row.number(time, settings.layout)?;
-        if !(0.0..f64::from(u32::MAX)).contains(&at) {
-            return Err(row.wrong(
-                time,
-                "expected a time that is not negative, and before 2106",
-            ));
-        }
+        let at = instant(second * row.number(time, settings.layout)?, row, time)?;
         let stamp = Time::from_nanos((at * 1e9).round() as i64);
         let message =
             |names: &[Column], values: [&[Column]; 3]| -> Result<JointState, ImportError> {

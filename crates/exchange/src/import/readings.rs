@@ -14,7 +14,7 @@ use probecell_msgs::{InspectionFeature, InspectionPlan, InspectionPoint, ProbeEv
 
 use super::columns::{Columns, goes_down};
 use super::features::feature;
-use super::{Counts, Imported, frame};
+use super::{Counts, Imported, frame, instant};
 use crate::ImportError;
 use crate::table::{Layout, Row, Table};
 use crate::units::{Quantity, Units};
@@ -225,14 +225,7 @@ impl Reader<'_> {
             return Ok(None);
         };
         let time = self.si(row, index, Quantity::Time)?;
-        if (0.0..f64::from(u32::MAX)).contains(&time) {
-            Ok(Some(time))
-        } else {
-            Err(row.wrong(
-                index,
-                "expected a time that is not negative, and before 2106",
-            ))
-        }
+        instant(time, row, index).map(Some)
     }
 
     fn positioning(&self) -> Result<Vec<Reading>, ImportError> {

@@ -411,14 +411,7 @@ impl<'a> Reader<'a> {
         }
         if unit != "rfc3339" {
             let time = factor * row.number(index, self.settings.layout)?;
-            return if (0.0..f64::from(u32::MAX)).contains(&time) {
-                Ok(time)
-            } else {
-                Err(row.wrong(
-                    index,
-                    "expected a time that is not negative, and before 2106",
-                ))
-            };
+            return super::instant(time, row, index);
         }
         let text = &row.cell(index)?.text;
         let instant = humantime::parse_rfc3339_weak(text).ok();
