@@ -10,7 +10,7 @@ import pytest
 import touches
 from conftest import ROOT, SAMPLES
 
-PYTHON = ROOT / "python"
+PYTHON = ROOT / "neighbours" / "python"
 
 
 @pytest.fixture

@@ -198,7 +198,7 @@ def test_the_notebook_gives_the_same_answer(my_csv, expected, tmp_path):
 
     path, _ = my_csv
     shutil.copy(path, tmp_path / "my.csv")
-    notebook = nbformat.read(ROOT / "python" / "examples" / "my_csv.ipynb", as_version=4)
+    notebook = nbformat.read(ROOT / "neighbours" / "python" / "examples" / "my_csv.ipynb", as_version=4)
     lines = [line for cell in notebook.cells if cell.cell_type == "code" for line in cell.source.splitlines() if line.strip()]
     assert len(lines) == 5, lines
     for cell in notebook.cells:
