@@ -1,12 +1,14 @@
 //! The files of a recording, behind a small interface, so that a test can let each write and each sync fail.
 
 use std::fmt::Debug;
-use std::fs::{File, Metadata, OpenOptions};
+use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+use rustix::fs::Access;
 
 /// A file that is written from its beginning to its end. Handles of one file may be used by one thread at a time.
 pub trait DiskFile: Send + Sync {
@@ -16,7 +18,7 @@ pub trait DiskFile: Send + Sync {
     /// Makes everything written durable.
     fn sync(&self) -> io::Result<()>;
 
-    /// Whether the file still stands where it was made.
+    /// Whether the file still stands where it was made, in a folder that may be written.
     fn place(&self, _made_at: &Path) -> io::Result<Place> {
         Ok(Place::Kept)
     }
@@ -66,13 +68,21 @@ impl DiskFile for File {
 
     fn place(&self, made_at: &Path) -> io::Result<Place> {
         let own = self.metadata()?;
-        let there = std::fs::symlink_metadata(made_at);
-        let is_own = |there: Metadata| (there.dev(), there.ino()) == (own.dev(), own.ino());
-        Ok(match own.nlink() {
-            0 => Place::Removed,
-            _ if there.is_ok_and(is_own) => Place::Kept,
-            _ => Place::Moved,
-        })
+        if own.nlink() == 0 {
+            return Ok(Place::Removed);
+        }
+        let there = match std::fs::symlink_metadata(made_at) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Place::Moved),
+            there => there?,
+        };
+        if (there.dev(), there.ino()) != (own.dev(), own.ino()) {
+            return Ok(Place::Moved);
+        }
+        // The recording has further files when it goes on and when it ends.
+        let folder = made_at.parent().filter(|one| *one != Path::new(""));
+        let folder = folder.unwrap_or(Path::new("."));
+        rustix::fs::access(folder, Access::WRITE_OK | Access::EXEC_OK)?;
+        Ok(Place::Kept)
     }
 
     fn copy_to(&self, path: &Path) -> io::Result<()> {

@@ -19,7 +19,7 @@ def ran(*words):
 
 
 class Disk:
-    """The file system below a folder; `kind` is `sound`, `loop`, `small`, `slow` or `refusing`."""
+    """The file system below a folder; `kind` is `sound`, `loop`, `quota`, `small`, `slow` or `refusing`."""
 
     def __init__(self, kind, folder, random=None):
         self.kind, self.folder, self.mounts, self.device, self.bandwidth = kind, folder, [], None, None
@@ -29,6 +29,10 @@ class Disk:
         if kind == "loop":
             self.on_loop(folder, None, "64M")
             (folder / "lost+found").rmdir()
+        elif kind == "quota":
+            # Btrfs, whose quota of a subvolume binds root as well.
+            self.on_loop(folder, None, "256M", ["mkfs.btrfs", "-q"], [])
+            ran("btrfs", "quota", "enable", folder)
         elif kind == "small":
             # A write says that there is no space left.
             self.mount("-t", "tmpfs", "-o", f"size={random.randint(600, 2500)}k", "tmpfs", folder)
@@ -47,8 +51,8 @@ class Disk:
         ran("mount", *words)
         self.mounts.append(words[-1])
 
-    def on_loop(self, folder, room, size):
-        """An ext4 file system in a sparse file; `room`: KiB that the file may really take."""
+    def on_loop(self, folder, room, size, format=None, options=("-o", "errors=continue")):
+        """A file system in a sparse file, ext4 unless it is told; `room`: KiB that the file may really take."""
         below = folder.parent / "below"
         below.mkdir()
         if room is not None:
@@ -56,9 +60,9 @@ class Disk:
         image = below / "image"
         ran("truncate", "-s", size, image)
         journal = [] if room is None else ["-O", "^has_journal"]
-        ran("mkfs.ext4", "-q", "-F", *journal, "-E", "lazy_itable_init=1", image)
+        ran(*(format or ["mkfs.ext4", "-q", "-F", *journal, "-E", "lazy_itable_init=1"]), image)
         self.device = ran("losetup", "--find", "--show", image)
-        self.mount("-o", "errors=continue", self.device, folder)
+        self.mount(*options, self.device, folder)
 
     def throttle(self, bandwidth):
         """Bytes a second; 0: without a limit."""
@@ -77,6 +81,12 @@ class Disk:
         """The file system finds an error and is read-only from then on."""
         ran("mount", "-o", "remount,errors=remount-ro", self.folder)
         pathlib.Path(f"/sys/fs/ext4/{pathlib.Path(self.device).name}/trigger_fs_error").write_text("1")
+
+    def limit(self):
+        """What the quota allows is nearly used."""
+        ran("sync", "-f", self.folder)
+        used = sum(file.stat().st_blocks * 512 for file in self.folder.rglob("*"))
+        ran("btrfs", "qgroup", "limit", used + (1 << 17), self.folder)
 
     def hang(self, hangs):
         ran("fsfreeze", "--freeze" if hangs else "--unfreeze", self.folder)
