@@ -14,7 +14,7 @@
 use std::collections::BTreeSet;
 
 use graph::{parameters, topics};
-use toml::Table;
+use toml::{Table, Value};
 
 use crate::{
     Cell, CellError, Strangers,
@@ -30,6 +30,8 @@ pub const SOCKET: &str = "unixsock-stream";
 const NETWORK: [&str; 8] = [
     "tcp", "udp", "tls", "quic", "serial", "unixpipe", "vsock", "ws",
 ];
+/// Bytes of the longest request of a stranger that a router hands on.
+const LONGEST_REQUEST: i64 = 256 << 10;
 /// The process of the simulated machine, which drives in the place of `driver`.
 const SIMULATOR: &str = "simulator";
 /// The service that changes nothing.
@@ -155,6 +157,21 @@ pub fn read_only() -> Table {
     let producers = topics::ALL.iter().map(|topic| topic.producer);
     let own: BTreeSet<&str> = producers.chain([LAUNCHER, RECORDER, SIMULATOR]).collect();
     section(own.into_iter(), Vec::new(), &[], &[])
+}
+
+/// The section `low_pass_filter` of a router that strangers read: a request of many megabytes would hold up what comes after it
+/// on the link to a node, an operator's stop too.
+pub fn short_requests() -> Vec<Table> {
+    let texts = |texts: &[&str]| Value::from(texts.to_vec());
+    let rule = [
+        ("link_protocols", texts(&NETWORK)),
+        ("flows", texts(&["ingress"])),
+        ("messages", texts(&["query"])),
+        ("key_exprs", texts(&["**"])),
+        ("size_limit", Value::from(LONGEST_REQUEST)),
+    ];
+    let rule = rule.map(|(name, value)| (name.to_owned(), value));
+    vec![rule.into_iter().collect()]
 }
 
 /// `own`: names of processes that no stranger may bear; `called`, `spoken` and `served`: keys that strangers may ask, put on and
