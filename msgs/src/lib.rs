@@ -59,5 +59,5 @@ pub use describe::Value;
 pub use generated::*;
 pub use plan_id::{PlanId, RunId, is_unprintable};
 pub use schema::{Action, Message, MessageType, Service, ServiceType, all, by_name, services};
-pub use type_description::type_description;
+pub use type_description::{definition_of, type_description};
 pub use words::Reasons;

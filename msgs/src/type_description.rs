@@ -13,6 +13,27 @@ use crate::{
     },
 };
 
+/// The line between the texts of two types in a definition, up to the name of the second.
+fn rule() -> String {
+    "=".repeat(80) + "\nMSG: "
+}
+
+/// The definition (`ros2msg`) of the type `name` from the texts of the files that define it and the types that it refers to; none
+/// where its own is not among them.
+pub fn definition_of(name: &str, sources: &[TypeSource]) -> Option<String> {
+    let own = sources.iter().find(|one| one.type_name == name)?;
+    let mut definition = own.raw_file_contents.clone();
+    for other in sources.iter().filter(|one| one.type_name != name) {
+        if !definition.ends_with('\n') {
+            definition.push('\n');
+        }
+        for part in [&rule(), &other.type_name, "\n", &other.raw_file_contents] {
+            definition.push_str(part);
+        }
+    }
+    Some(definition)
+}
+
 /// `FieldType` of another type, and of a sequence of at most so many of it.
 const NESTED: u8 = 1;
 const BOUNDED_NESTED: u8 = 97;
@@ -95,8 +116,8 @@ fn individual(name: &str, members: &[Member<'_>]) -> IndividualTypeDescription {
 
 /// The files that define a type and those that it refers to. What is part of a service or action has no file of its own.
 fn sources(ty: &MessageType) -> Vec<TypeSource> {
-    let line = "=".repeat(80) + "\nMSG: ";
-    let mut parts = ty.definition.split(&line);
+    let rule = rule();
+    let mut parts = ty.definition.split(&rule);
     let own = parts.next().map(|text| (ty.name.to_owned(), text));
     let nested = parts.filter_map(|part| {
         let (name, text) = part.split_once('\n')?;

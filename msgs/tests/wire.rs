@@ -4,10 +4,11 @@
 use probecell_msgs::{
     CdrError, Message, ProbeEvent, Stylus, Value, all,
     builtin_interfaces::Time,
-    by_name,
+    by_name, definition_of,
     diagnostic_msgs::DiagnosticStatus,
     from_cdr,
     geometry_msgs::Point,
+    migration::Migration,
     rcl_interfaces::{IntegerRange, ParameterDescriptor},
     sensor_msgs::CompressedImage,
     services,
@@ -334,6 +335,20 @@ fn what_is_beyond_its_bound_is_refused() {
     assert_eq!(from_cdr(&to_cdr(&named(255))), Ok(named(255)));
     let error = from_cdr::<IndividualTypeDescription>(&to_cdr(&named(256))).unwrap_err();
     assert!(error.to_string().contains("at most 255"), "{error}");
+}
+
+/// The texts that a node gives of a type are enough to read its messages.
+#[test]
+fn the_sources_of_a_type_make_up_its_definition() {
+    for ty in all().iter().filter(|one| one.name.contains("/msg/")) {
+        let (described, sources) = type_description(ty.name, ty.type_hash).unwrap();
+        let definition = definition_of(ty.name, &sources).unwrap();
+        if !described.type_description.fields.is_empty() {
+            let migration = Migration::new(&definition, ty);
+            assert!(migration.is_ok_and(|one| one.is_identity()), "{}", ty.name);
+        }
+    }
+    assert_eq!(definition_of("other/msg/Type", &[]), None);
 }
 
 /// What a peer learns of a type is what its hash is made of (REP 2016).

@@ -8,6 +8,7 @@ Each check has a network namespace of its own. The witness on the bus is eclipse
 
 import collections
 import contextlib
+import itertools
 import json
 import os
 import pathlib
@@ -23,6 +24,7 @@ import urllib.error
 import urllib.request
 
 import zenoh
+from mcap.reader import make_reader
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT / "tests"))
@@ -32,7 +34,9 @@ from kit.recordings import decoded, raw  # noqa: E402
 
 CELL = ROOT / "launch-scripts" / "turn_mill.toml"
 LONG = 60.0  # s, of a cut in which something happens
+STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"  # std_msgs/msg/String, of every distribution
 REFUSED = 2.0  # s, after which a question without an answer is taken for refused
+NOBODY = (65534, 65534)  # user and group without rights
 ASKING = {"run_requests", "operation_requests", "controller_commands", "plan_requests", "approvals", "stop_requests", "order_requests"}
 FORBIDDEN = """
 [bus.router_zenoh.access_control]
@@ -390,16 +394,16 @@ def a_recording_that_is_taken_away_stops_the_part_and_is_kept(folder):
 
 
 def a_disk_that_goes_while_a_part_is_cut_stops_the_part(folder):
-    """Unplugged, mounted read-only after an error, unmounted: the cell says so and ends, and what was synced is on the disk."""
+    """Unplugged, mounted read-only after an error, unmounted, its quota used: the cell says so and ends, and what was synced is on the disk."""
     changes = {
         "unplugged": (kit.Disk.unplug, "Input/output error"), "erring": (kit.Disk.err, "Read-only file system"),
-        "unmounted": (kit.Disk.unmount, "the recording was moved"),
+        "unmounted": (kit.Disk.unmount, "the recording was moved"), "quota": (kit.Disk.limit, "Disk quota exceeded"),
     }
     kit.own_mounts()
     for what, (change, said) in changes.items():
         place = folder / what
         place.mkdir()
-        with contextlib.closing(kit.Disk("loop", place / "recordings")) as disk:
+        with contextlib.closing(kit.Disk("quota" if what == "quota" else "loop", place / "recordings")) as disk:
             cell = own_cell(place, cut_s=LONG)
             with cell_that_is_ready(cell, place) as up:
                 cutting(cell, place)
@@ -414,6 +418,33 @@ def a_disk_that_goes_while_a_part_is_cut_stops_the_part(folder):
             disk.mount_again()
             after = recorded(place)
         assert all(after[topic] >= count for topic, count in before.items()), (what, before, after)
+
+
+def a_folder_that_may_not_be_written_any_more_stops_the_part(folder):
+    """As a user without rights: his folder is closed while a part is cut, to him or for writing. What was recorded is on the disk."""
+    places, program = {}, shutil.copy(BINARY, folder / "probecell")
+    for what in (0o500, 0o000):
+        places[what] = folder / f"{what:o}"
+        places[what].mkdir()
+        own_cell(places[what], cut_s=LONG)
+    for path in (folder, *folder.rglob("*")):
+        os.chown(path, *NOBODY)
+    os.setgroups([])
+    os.setgid(NOBODY[1])
+    os.setuid(NOBODY[0])
+    globals()["BINARY"] = str(program)
+    for what, place in places.items():
+        cell = place / "cell.toml"
+        with cell_that_is_ready(cell, place) as up:
+            cutting(cell, place)
+            (bag,) = (place / "recordings").glob("*")
+            until("both requests", lambda: recorded(place).get("order_requests") == 2)
+            bag.chmod(what)
+            code, output, errors = up.ended()
+        assert code == 1 and "part punch: stopped" in output, (what, code, output, errors)
+        assert "Permission denied" in errors and "must not run unrecorded" in errors, (what, errors)
+        bag.chmod(0o700)
+        assert recorded(place)["order_requests"] == 2, errors
 
 
 def a_disk_that_does_not_answer_holds_orders_up_and_loses_nothing(folder):
@@ -703,10 +734,10 @@ def a_stranger_reads_and_commands_nothing(folder):
 
 def another_user_reads_and_commands_nothing(folder):
     """As a user without rights: the socket cannot be opened, commands are refused, and a cell of its own is told why."""
-    nobody = {"user": 65534, "group": 65534, "extra_groups": []}
+    nobody = {"user": NOBODY[0], "group": NOBODY[1], "extra_groups": []}
     theirs = folder / "theirs"
     theirs.mkdir()
-    os.chown(theirs, 65534, 65534)
+    os.chown(theirs, *NOBODY)
     cell = own_cell(folder)
     other = own_cell(theirs, lambda text: text.replace('name = "turn_mill"', 'name = "other"', 1))
     # Everybody may enter the folders above that of the socket.
@@ -715,7 +746,7 @@ def another_user_reads_and_commands_nothing(folder):
         path.chmod(0o755)
     state = theirs / "state"
     state.mkdir()
-    os.chown(state, 65534, 65534)
+    os.chown(state, *NOBODY)
     environment = {"HOME": str(theirs), "XDG_STATE_HOME": str(state), "PATH": os.environ["PATH"]}
     # The program itself may lie where only its builder can read.
     program = shutil.copy(BINARY, theirs / "probecell")
@@ -732,8 +763,8 @@ def another_user_reads_and_commands_nothing(folder):
             code = 2
             try:
                 os.setgroups([])
-                os.setgid(65534)
-                os.setuid(65534)
+                os.setgid(NOBODY[1])
+                os.setuid(NOBODY[0])
                 socket.socket(socket.AF_UNIX).connect(str(path))
                 code = 0
             except PermissionError:
@@ -845,6 +876,13 @@ def an_operator_stops_a_part_while_strangers_take_what_they_can(folder):
                     refused = error.code
             assert "stop" in json.loads(page("/act/offer", {"act": "stop"}))["kind"]
             strangers(7447, 300)
+            if kind == "open":
+                with visitor() as stranger:
+                    asks = {"attachment": struct.pack("<qqB", 1, 1, 16) + bytes(16)}
+                    asked_for = lambda size: {"payload": cdr([("s",)], [["x" * size]]), **asks}
+                    service = "0/open/machine_state/get_parameters/**"
+                    assert not is_refused(stranger, service, **asked_for(1000))
+                    assert is_refused(stranger, service, **asked_for(300_000))
             assert status(cell, place)["part"]["stage"] == "cutting"
             code, output, errors = asked("run", "punch", "--cell", cell, folder=place)
             assert code == 0 and "order 2: punch, 1 part" in output, (kind, code, output, errors)
@@ -925,6 +963,90 @@ def a_cell_that_has_gone_is_kept_for_late_dashboards(folder):
 
         storage.declare_queryable("0/**", answer)
         assert shown_as_kept()[0], shown_as_kept()
+
+
+def cdr(kind, value):
+    """A value in little-endian CDR: "s" a text, "?" a truth, a list of kinds a record, [kind] in a tuple a sequence of it."""
+    out = bytearray(b"\0\1\0\0")
+
+    def count(number):
+        out.extend(bytes(-len(out) % 4) + struct.pack("<I", number))
+
+    def write(kind, value):
+        if kind == "?":
+            out.append(value)
+        elif kind == "s":
+            count(len(value.encode()) + 1)
+            out.extend(value.encode() + b"\0")
+        elif isinstance(kind, tuple):
+            count(len(value))
+            for one in value:
+                write(kind[0], one)
+        else:
+            for part, one in zip(kind, value, strict=True):
+                write(part, one)
+
+    write(kind, value)
+    return bytes(out)
+
+
+TYPE = ["s", ()]  # of a type whose fields are not described: its name and no field
+
+
+def a_cell_of_another_version_is_read_by_the_names_of_its_fields(folder):
+    """What an earlier version of the program recorded, published as it did beside a cell of this one. A topic whose definition its node does
+    not give is named."""
+    topic, version = "/ball_check/plan_progress", "0.0.9 (4060b226)"
+    with open(ROOT / "bags" / "tests" / "earlier.mcap", "rb") as file:
+        messages = [(schema, channel, message.data) for schema, channel, message in make_reader(file).iter_messages(topics=[topic])]
+    schema, channel, _ = messages[0]
+    hash_then = channel.metadata["topic_type_hash"]
+    texts = re.split("={80}\nMSG: ", schema.data.decode())
+    named = [(schema.name, texts[0])] + [(f"{name.split('/')[0]}/msg/{name.split('/')[-1]}", text) for name, _, text in (one.partition("\n") for one in texts[1:])]
+    known = ["?", "s", [["s", (TYPE,)], (["s", (TYPE,)],)], (["s", "s", "s"],), (["s", "s"],)]
+
+    def describe(query):
+        if query.payload is None:
+            return  # it is not asked as a service is
+        is_known = hash_then.encode() in bytes(query.payload)
+        sources = [(name, "msg", text) for name, text in named] if is_known else []
+        answer = (is_known, "" if is_known else "not known here", (("", []), []), sources, [])
+        query.reply(query.key_expr, cdr(known, answer), attachment=bytes(query.attachment))
+
+    cell = own_cell(folder)
+    with cell_that_is_ready(cell, folder) as up, own_session() as other:
+        until("the dashboard", lambda: re.search(r"dashboard: http://\S+", up.errors))
+        (address,) = re.findall(r"dashboard: (http://\S+)", up.errors)
+
+        def page(path):
+            with urllib.request.urlopen(address + path, timeout=kit.patience(60)) as answer:
+                return answer.read().decode()
+
+        held = [other.declare_queryable("0/ball_check/path_planning/get_type_description/**", describe, complete=True)]
+
+        def publishes(number, name, kind, digest):
+            node = f"@ros2_lv/0/{other.info.zid()}/0/{number}/MP/%/%ball_check/path_planning"
+            type_name = f"{kind.split('/')[0]}::msg::dds_::{kind.split('/')[-1]}_"
+            held.append(other.liveliness().declare_token(f"{node}/%ball_check%{name}/{type_name}/{digest}/::,10:,:,:,,"))
+            return f"0/ball_check/{name}/{type_name}/{digest}"
+
+        said = publishes(1, "cell_description", "std_msgs/String", STRING)
+        progress = publishes(2, "plan_progress", "probecell_msgs/PlanProgress", hash_then)
+        publishes(3, "machine_state", "probecell_msgs/MachineState", "RIHS01_" + 64 * "0")
+        text = cdr(["s"], [f"# public key of the cell: 00\n# program: probecell {version}\n"])
+        numbers = itertools.count(1)
+
+        def is_shown():
+            for key, data in [(said, text), (progress, messages[3][2])]:
+                other.put(key, data, attachment=struct.pack("<qqB", next(numbers), time.time_ns(), 16) + 16 * b"\7")
+            shown = page("cell/ball_check")
+            return all(text in shown for text in (version, "air_length is new, given_air_length is new", "of 14 touches"))
+
+        until("the other version on its page", is_shown)
+        shown = page("cell/ball_check")
+        assert "<code>machine_state</code>: not read: " in shown and "not known here" in shown, shown
+        hall = page("")
+        assert version in hall and hall.count("small class=\"version\"") == 1, hall
 
 
 def the_dashboard_of_a_cell_reads_the_others_once_it_is_looked_at(folder):
@@ -1036,13 +1158,13 @@ CHECKS = (
     a_paused_cycle_starts_nothing_late, the_same_cell_is_not_started_twice_and_another_outlives_its_router,
     a_wall_clock_set_back_is_a_recorded_fault, a_disk_that_fails_stops_the_part_and_the_cell,
     a_recording_that_is_taken_away_stops_the_part_and_is_kept, a_disk_that_goes_while_a_part_is_cut_stops_the_part,
-    a_disk_that_does_not_answer_holds_orders_up_and_loses_nothing, a_dashboard_that_dies_is_started_again,
+    a_folder_that_may_not_be_written_any_more_stops_the_part, a_disk_that_does_not_answer_holds_orders_up_and_loses_nothing, a_dashboard_that_dies_is_started_again,
     a_killed_launcher_leaves_nothing_that_holds_commands_up, a_part_on_simulated_time_is_the_same_part,
     a_cell_on_simulated_time_is_supervised,
     corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,
     a_secured_cell_works_and_nobody_else_speaks, an_operator_stops_a_part_while_strangers_take_what_they_can, a_stranger_reads_and_commands_nothing,
     another_user_reads_and_commands_nothing, a_cell_that_has_gone_is_kept_for_late_dashboards,
-    the_dashboard_of_a_cell_reads_the_others_once_it_is_looked_at,
+    the_dashboard_of_a_cell_reads_the_others_once_it_is_looked_at, a_cell_of_another_version_is_read_by_the_names_of_its_fields,
 )
 AFTER = (what_asks_is_not_played, playing_ends_when_told, a_running_cell_keeps_its_names_and_records_on_demand)  # on the recording of one of them
 

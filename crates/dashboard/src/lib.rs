@@ -38,6 +38,7 @@ mod server;
 pub mod state;
 mod stream;
 mod trends;
+mod versions;
 pub mod view;
 mod viewer;
 
@@ -67,6 +68,8 @@ pub struct Settings {
     pub any_port: bool,
     /// How to reach each router.
     pub buses: Vec<BusConfig>,
+    /// Version of this program, as cells publish theirs.
+    pub version: String,
     /// The cell that is read from the start, the others as soon as a page is asked for; without one all are from the start.
     pub first: Option<String>,
     /// Folders of recordings.
@@ -103,17 +106,19 @@ pub enum DashboardError {
 }
 
 /// Reads the buses and hands over the hall every `period`, first after one, with the instant and what is wrong with the
-/// connection (empty when nothing is), for as long as `on_period` answers true. Nothing is served.
+/// connection (empty when nothing is), for as long as `on_period` answers true. Nothing is served. `version`: that of this
+/// program, as cells publish theirs.
 ///
 /// # Errors
 /// [`DashboardError::Failed`] when no thread can be started.
 pub fn watch(
     buses: Vec<BusConfig>,
+    version: String,
     period: Duration,
     mut on_period: impl FnMut(&state::Hall, Stamp, &str) -> bool,
 ) -> Result<(), DashboardError> {
     let acts = acts::Acts::new(Vec::new()).map_err(DashboardError::Random)?;
-    let live = live::Live::new(Arc::new(acts), None);
+    let live = live::Live::new(Arc::new(acts), None, version);
     for bus in buses {
         live::read(Arc::clone(&live), bus)?;
     }
@@ -142,7 +147,7 @@ pub fn run(
     runtime.block_on(async {
         let listener = listen(settings.listen, settings.any_port).await?;
         let acts = Arc::new(acts::Acts::new(settings.desks).map_err(DashboardError::Random)?);
-        let live = live::Live::new(Arc::clone(&acts), settings.first);
+        let live = live::Live::new(Arc::clone(&acts), settings.first, settings.version);
         let buses: Arc<[BusConfig]> = settings.buses.into();
         for bus in buses.iter() {
             live::read(Arc::clone(&live), bus.clone())?;

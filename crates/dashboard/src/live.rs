@@ -16,6 +16,7 @@ use tokio::sync::watch;
 use crate::acts::Acts;
 use crate::heard::Heard;
 use crate::state::{Hall, kept_topics, machine_state, read_topics, split};
+use crate::versions::Versions;
 
 /// How often presence is looked at. It is well below the 3 s in which a cell that was killed must be seen as stale.
 pub(crate) const PRESENCE: Duration = Duration::from_millis(500);
@@ -49,8 +50,8 @@ pub(crate) struct Live {
 }
 
 impl Live {
-    pub(crate) fn new(acts: Arc<Acts>, first: Option<String>) -> Arc<Self> {
-        let mut hall = Hall::default();
+    pub(crate) fn new(acts: Arc<Acts>, first: Option<String>, version: String) -> Arc<Self> {
+        let mut hall = Hall::of_version(version);
         hall.set_desks(acts.cells());
         Arc::new(Self {
             wanted: Mutex::default(),
@@ -133,6 +134,15 @@ impl Live {
         }
     }
 
+    /// Takes what differs in the messages of a topic of a cell of another version.
+    fn tell_of_version(&self, cell: &str, name: &str, differs: Vec<String>) {
+        let mut hall = self.hall();
+        hall.reads_another_version(cell, name, differs, host::now());
+        let number = hall.last_event();
+        drop(hall);
+        self.changed.send_replace(number);
+    }
+
     /// Whoever waits in [`Live::look`] goes on when something is known of each of these cells.
     fn tell_whether_all_are_read(&self, present: &BTreeSet<String>) {
         let hall = self.hall();
@@ -186,14 +196,16 @@ pub fn kept() -> Vec<Observed> {
 /// What is read of every cell by one subscription for all: all but what comes at the rate of the controller.
 fn read_of_all() -> Vec<Observed> {
     let read = read_topics().into_iter().chain([topics::OPERATOR_KEYS]);
-    let of_controller = [topics::JOINT_STATES.name, topics::MACHINE_STATE.name];
-    let read = read.filter(|topic| !of_controller.contains(&topic.name));
+    let read = read.filter(|topic| FAST.iter().all(|fast| fast.name != topic.name));
     read.map(observed).collect()
 }
 
+/// Topics that come at the rate of the controller.
+pub(crate) const FAST: [graph::Topic; 2] = [topics::JOINT_STATES, topics::MACHINE_STATE];
+
 /// A topic that comes at the rate of the controller: it is read of each cell by a subscription of its own, for whose key Zenoh
 /// knows the way, while for one with wildcards it would search among all of them with every sample.
-fn fast(topic: graph::Topic) -> Observed {
+pub(crate) fn fast(topic: graph::Topic) -> Observed {
     Observed {
         name: topic.name.to_owned(),
         ty: topic.message.into(),
@@ -322,6 +334,7 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
     let mut asked: Option<Instant> = None;
     let mut states = OfCells::new(topics::MACHINE_STATE);
     let mut axes = OfCells::new(topics::JOINT_STATES);
+    let mut versions = Versions::default();
     loop {
         let connected = observer.is_connected();
         live.set_router(&endpoint, connected);
@@ -336,6 +349,9 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
         let present = present(&observer);
         states.follow(&observer, &present, &on);
         axes.follow(&observer, &live.wanted(), &on);
+        versions.follow(&observer, &on, |cell, name, differs| {
+            live.tell_of_version(cell, name, differs);
+        });
         live.set_present(&present);
         live.tell_whether_all_are_read(&present);
         std::thread::sleep(PRESENCE);

@@ -86,6 +86,9 @@ macro_rules! declare_topics {
     };
 }
 
+/// Begin of the line of `cell_description`, a comment in TOML, that names the version of the program that the cell runs.
+pub const PROGRAM_LINE: &str = "# program: probecell ";
+
 declare_topics! {
     CONTROLLER_STATUS = "driver", "controller_status", ControllerStatus, Qos::reliable(100);
     PROBE_TRIGGERS = "driver", "probe_triggers", ProbeTrigger, Qos::KEEP_ALL;

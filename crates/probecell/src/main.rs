@@ -57,6 +57,13 @@ use terminal::{BAD_INPUT, FAILED, GOOD, LOSS};
 /// Default cell file.
 const DEFAULT_CELL: &str = terminal::cell_stream::DEFAULT_CELL;
 
+/// Version of this program and begin of its source revision: `0.1.0 (8d17e5fa)`.
+fn version() -> String {
+    let revision = env!("PROBECELL_REVISION");
+    let begin = revision.get(..8).unwrap_or(revision);
+    format!("{} ({begin})", env!("CARGO_PKG_VERSION"))
+}
+
 fn main() -> ExitCode {
     // A router calls it an error that a session which is ending takes back a liveliness token that went before.
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| {

@@ -4,7 +4,7 @@
 use anyhow::Context;
 use bags::Bag;
 use cell::{Cell, CellText};
-use graph::topics;
+use graph::topics::{self, PROGRAM_LINE};
 use probecell_msgs::{from_cdr, std_msgs};
 
 /// Name of the attachment with the cell file.
@@ -29,19 +29,22 @@ pub fn program(bag: &Bag) -> (String, String) {
 /// Prefix of the first line of a description: a comment in TOML.
 const KEY_LINE: &str = "# public key of the cell: ";
 
-/// What a cell publishes of itself: its public key as a comment, and its file without passwords.
-pub fn description(cell: &Cell, key: &str) -> String {
+/// What a cell publishes of itself: as comments its public key and the version of the program, and its file without passwords.
+pub fn description(cell: &Cell, key: &str, version: &str) -> String {
     let text = cell::secrets::redacted(&cell.text().cell);
-    format!("{KEY_LINE}{key}\n{text}")
+    format!("{KEY_LINE}{key}\n{PROGRAM_LINE}{version}\n{text}")
 }
 
 /// Key and file of a description.
 fn parts(description: &str) -> (String, String) {
-    let lines = description
-        .strip_prefix(KEY_LINE)
-        .and_then(|rest| rest.split_once('\n'));
-    let (key, text) = lines.unwrap_or(("", description));
-    (key.to_owned(), text.to_owned())
+    let line = |text: &'_ str, begin: &str| {
+        let (line, rest) = text.strip_prefix(begin)?.split_once('\n')?;
+        Some((line.to_owned(), rest.to_owned()))
+    };
+    let (key, text) =
+        line(description, KEY_LINE).unwrap_or_else(|| (String::new(), description.to_owned()));
+    let text = line(&text, PROGRAM_LINE).map_or(text, |(_, rest)| rest);
+    (key, text)
 }
 
 /// The cell of a recording; `None` where it carries none.
@@ -113,6 +116,8 @@ mod tests {
     fn a_description_gives_back_the_file_to_the_byte_and_the_key() {
         let file = "[cell]\nname = \"a\" # as written\n";
         let described = format!("{KEY_LINE}5f0c\n{file}");
+        assert_eq!(parts(&described), ("5f0c".to_owned(), file.to_owned()));
+        let described = format!("{KEY_LINE}5f0c\n{PROGRAM_LINE}0.2.0\n{file}");
         assert_eq!(parts(&described), ("5f0c".to_owned(), file.to_owned()));
         assert_eq!(parts(file), (String::new(), file.to_owned()));
     }

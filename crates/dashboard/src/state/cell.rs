@@ -126,6 +126,12 @@ pub struct CellState {
     pub name: String,
     /// All that is known of it is what a storage has kept: it is not live.
     pub kept: bool,
+    /// Version of the program that it runs, `0.1.0 (8d17e5fa)`; empty where it does not say.
+    pub version: String,
+    /// It runs another version than whoever reads it.
+    pub is_of_another_version: bool,
+    /// What differs in its messages, by topic: a text for each field, or why they are not read.
+    pub differs: BTreeMap<String, Vec<String>>,
     /// First and last reception.
     pub heard: Option<(Stamp, Stamp)>,
     /// Instant from which on none of its processes was on the bus.
@@ -330,6 +336,15 @@ impl CellState {
     /// It has said nothing for two seconds, none of its processes is on the bus, or only kept state of it is known.
     pub fn is_stale(&self, now: Stamp) -> bool {
         self.kept || self.left.is_some() || self.age_s(now) > STALE_S
+    }
+
+    /// The version that it runs, where that is another than that of whoever reads it.
+    pub fn other_version(&self) -> Option<&str> {
+        let said = match self.version.as_str() {
+            "" => "another version",
+            version => version,
+        };
+        self.is_of_another_version.then_some(said)
     }
 
     /// A part is being made.

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use graph::{Stamp, topics};
 use probecell_msgs::{MachineState, Message, MessageType};
 
-use super::cell::CellState;
+use super::cell::{CellState, Section};
 use super::events::{Event, EventKind};
 
 /// Cells kept; a further one is counted and not shown.
@@ -35,6 +35,8 @@ pub struct Hall {
     missed: BTreeMap<String, u64>,
     /// Cells that take acts from pages.
     desks: BTreeSet<String>,
+    /// Version of this program, as cells publish theirs; empty where none is compared with it.
+    version: String,
 }
 
 /// What storages have kept of a cell.
@@ -64,6 +66,7 @@ pub fn kept_topics() -> [graph::Topic; 7] {
 /// Names of topics that the dashboard reads, with their types. Faults are read on any `NODE/faults`.
 pub fn read_topics() -> Vec<graph::Topic> {
     let wanted = [
+        topics::CELL_DESCRIPTION,
         topics::ROBOT_DESCRIPTION,
         topics::MACHINE_STATE,
         topics::JOINT_STATES,
@@ -112,32 +115,70 @@ pub(crate) fn is_read(topic: &str, message: &str) -> bool {
 }
 
 impl Hall {
+    /// That of a program of this version.
+    pub(crate) fn of_version(version: String) -> Self {
+        Self {
+            version,
+            ..Self::default()
+        }
+    }
+
     /// Takes the bytes (CDR) of a message on `topic` (absolute), received at `at`. A cell exists from its first message of
     /// `machine_state` or of anything else that the dashboard reads.
     pub fn apply(&mut self, topic: &str, bytes: &[u8], at: Stamp) {
         let Some((cell, name)) = split(topic) else {
             return;
         };
-        if !self.cells.contains_key(cell) {
-            if self.cells.len() >= CELLS {
-                if self.refused.len() < CELLS {
-                    self.refused.insert(cell.to_owned());
-                }
-                return;
-            }
-            self.cells.insert(cell.to_owned(), CellState::new(cell));
-            self.happened(cell, at, EventKind::Cell, "appeared".to_owned());
-        }
-        let Some(state) = self.cells.get_mut(cell) else {
+        let own = self.version.clone();
+        let Some(state) = self.known(cell, at) else {
             return;
         };
         let came_back = state.left.is_some();
         let happened = state.take(name, bytes, at);
+        if name == topics::CELL_DESCRIPTION.name && !own.is_empty() && !state.version.is_empty() {
+            state.is_of_another_version |= state.version != own;
+        }
         if came_back {
             self.happened(cell, at, EventKind::Cell, "came back".to_owned());
         }
         if let Some((kind, text)) = happened {
             self.happened(cell, at, kind, text);
+        }
+    }
+
+    /// The cell of that name, which appears; none where there are too many.
+    fn known(&mut self, cell: &str, at: Stamp) -> Option<&mut CellState> {
+        if !self.cells.contains_key(cell) {
+            if self.cells.len() >= CELLS {
+                if self.refused.len() < CELLS {
+                    self.refused.insert(cell.to_owned());
+                }
+                return None;
+            }
+            self.cells.insert(cell.to_owned(), CellState::new(cell));
+            self.happened(cell, at, EventKind::Cell, "appeared".to_owned());
+        }
+        self.cells.get_mut(cell)
+    }
+
+    /// Takes what differs in the messages of a topic of a cell that another version of the program runs, or why they are not read.
+    pub(crate) fn reads_another_version(
+        &mut self,
+        cell: &str,
+        name: &str,
+        differs: Vec<String>,
+        at: Stamp,
+    ) {
+        let Some(state) = self.known(cell, at) else {
+            return;
+        };
+        let is_new = !state.is_of_another_version;
+        state.is_of_another_version = true;
+        state.differs.insert(name.to_owned(), differs);
+        state.changed(&[Section::State]);
+        if is_new {
+            let text = "runs another version of probecell".to_owned();
+            self.happened(cell, at, EventKind::Cell, text);
         }
     }
 

@@ -3,7 +3,10 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-use graph::{Stamp, topics};
+use graph::{
+    Stamp,
+    topics::{self, PROGRAM_LINE},
+};
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, GapReport, InspectionPlan,
     LossReport, MachineState, MeasurementOrder, Message, PartReport, PartStatus, PassDecision,
@@ -17,6 +20,8 @@ use super::wording;
 
 /// Letters of the description of a machine.
 const DESCRIPTION: usize = 1 << 20;
+/// Letters of the version of the program.
+const LETTERS: usize = 64;
 /// Parts of a run chart.
 const PARTS: usize = 200;
 /// Characteristics with a run chart.
@@ -59,6 +64,14 @@ impl CellState {
             n if n == topics::JOINT_STATES.name => {
                 bytes.clone_into(&mut self.joints_bytes);
                 self.changed(&[Section::Axes]);
+                None
+            }
+            n if n == topics::CELL_DESCRIPTION.name => {
+                let text: std_msgs::String = read(bytes)?;
+                let mut lines = text.data.lines().take(2);
+                let version = lines.find_map(|line| line.strip_prefix(PROGRAM_LINE));
+                self.version = version.unwrap_or_default().chars().take(LETTERS).collect();
+                self.changed(&[Section::State]);
                 None
             }
             n if n == topics::ROBOT_DESCRIPTION.name => {

@@ -30,6 +30,7 @@ pub fn hall_csv(hall: &Hall, now: Stamp, choice: &Choice) -> String {
         "measuring/s",
         "waiting/s",
         "stopped/s",
+        "probecell",
     ];
     let mut names: Vec<String> = names.map(str::to_owned).into();
     for name in ["size/tolerance", "gap/noise"] {
@@ -67,6 +68,7 @@ pub fn hall_csv(hall: &Hall, now: Stamp, choice: &Choice) -> String {
         ];
         let spent = cell.course.spent_since(now.after_s(-length));
         cells.extend(spent.map(|one| number(Some(one), 1.0)));
+        cells.push(cell.version.clone());
         let back = |back: usize| cell.last_parts.iter().rev().nth(back);
         cells.extend(
             (0..LAST_PARTS)

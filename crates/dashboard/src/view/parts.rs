@@ -37,6 +37,7 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
                 @if let Some(one) = cell.decision().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (minus(&one.text)) } @if let Some(doubt) = cell.doubt().filter(|_| rests_on_readings(one)) { small.mark { "Warning: " (doubt) "." } } } } }
                 div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (end, count)) in cell.ended_counts().into_iter().enumerate() { @if index > 0 { ", " } (count) " " (end) } } }
                 @if let Some(one) = cell.recording.as_ref().filter(|one| one.state != RecordingStatus::RECORDING) { div { dt { "Recording" } dd { (one.word()) } } }
+                @if let Some(version) = cell.other_version() { (other_version(cell, version)) }
                 @if cell.is_stale(now) { div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } } }
             }
             @if let Some(one) = cell.planning() { (planning(one)) }
@@ -48,6 +49,21 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
                     @if cell.plan.is_some() { (deed(cell, "again", "", "Measure again")) }
                 }
                 p.note.unsigned { "Read only on this device: it holds no " a href="/key" { "key" } "." }
+            }
+        }
+    }
+}
+
+/// The version of the program that the cell runs, and what of its messages is read otherwise, or not.
+fn other_version(cell: &CellState, version: &str) -> Markup {
+    html! {
+        div.version {
+            dt { "probecell" }
+            dd {
+                (version)
+                @if !cell.version.is_empty() { small { "another version than that of this page" } }
+                @if !cell.differs.is_empty() { small { "Messages that differ, read by the names of their fields:" } }
+                @for (topic, fields) in &cell.differs { small { code { (topic) } @if !fields.is_empty() { ": " (fields.join(", ")) } } }
             }
         }
     }

@@ -90,6 +90,9 @@ fn below(cell: &CellState, now: Stamp) -> String {
     if attention.needs_a_person() {
         lines.push(why);
     }
+    if let Some(version) = cell.other_version() {
+        lines.push(format!("probecell: {version}"));
+    }
     if let Some(worst) = worst(cell).filter(|one| !one.unjudged.is_empty()) {
         lines.push(worst.unjudged);
     }

@@ -22,7 +22,7 @@ pub fn tile(cell: &CellState, now: Stamp, length: f64) -> Markup {
         li.tile.(class) id=(tile_id(&cell.name)) data-attention=(class) {
             div.head {
                 span.sign aria-hidden="true" { (sign) }
-                h2 { a href={ "/cell/" (cell.name) } { (title) } @if !place.is_empty() { small { (place) } } }
+                h2 { a href={ "/cell/" (cell.name) } { (title) } @if !place.is_empty() { small { (place) } } @if let Some(version) = cell.other_version() { small.version title="version of probecell, another than that of this page" { (version) } } }
                 p.badge { span.sr { (name) ": " } (doing(cell, now)) }
             }
             p.why title=(why) { (why) }

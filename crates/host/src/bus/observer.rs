@@ -6,7 +6,14 @@
 //! that is slow holds up the router's queue to it, not a node. The session reconnects by itself when the router comes back.
 
 use std::sync::{Arc, mpsc};
+use std::time::{Duration, Instant};
 
+use probecell_msgs::{
+    Service, definition_of, from_cdr, to_cdr,
+    type_description_interfaces::srv::{
+        GetTypeDescription, GetTypeDescriptionRequest, GetTypeDescriptionResponse,
+    },
+};
 use zenoh::Wait;
 use zenoh::key_expr::KeyExpr;
 use zenoh::pubsub::Subscriber;
@@ -20,10 +27,14 @@ use zenoh_ext::{
 use super::config::{BusConfig, overlay};
 use super::graph::{Graph, LiveGraph};
 use super::qos::Qos;
+use super::services::ask;
 use super::session::open_session;
-use super::types::TypeId;
-use super::wire::{Attachment, data_key, topic_tokens, topic_tokens_in};
+use super::types::{ServiceId, TypeId};
+use super::wire::{Attachment, Entity, data_key, topic_tokens, topic_tokens_in};
 use super::{BusError, Received, wall_ns};
+
+/// Wait for a node to describe a type.
+const DESCRIBED: Duration = Duration::from_secs(2);
 
 /// What to read: a topic name below any namespace, its type, and how.
 #[derive(Clone, Debug)]
@@ -198,6 +209,52 @@ impl Observer {
         // It ends when the callback is dropped, after the last answer.
         ended.into_iter().for_each(drop);
         Ok(())
+    }
+
+    /// The definition (`ros2msg`) of what a publisher sends, of the texts that its node gives of the type (REP 2016).
+    ///
+    /// # Errors
+    /// [`BusError::NoServer`] or [`BusError::Timeout`] where its node describes no types; [`BusError::Refused`] where it has no
+    /// text of this one; [`BusError::Transport`].
+    pub fn definition_of(&self, publisher: &Entity) -> Result<String, BusError> {
+        let name = format!("{}/get_type_description", publisher.node.full());
+        let refused = |reason: &str| BusError::Refused {
+            name: name.clone(),
+            reason: reason.to_owned(),
+        };
+        let channel = (publisher.channel.as_ref()).ok_or_else(|| refused("it is no publisher"))?;
+        let request = GetTypeDescriptionRequest {
+            type_name: channel.ty.ros_name(),
+            type_hash: channel.ty.hash().to_owned(),
+            include_type_sources: true,
+        };
+        let attachment = Attachment {
+            sequence: 1,
+            source_time_ns: wall_ns(),
+            gid: publisher.gid(),
+        };
+        let begun = Instant::now();
+        let answer = ask(
+            &self.session,
+            (
+                &name,
+                data_key(
+                    self.domain_id,
+                    &name,
+                    &ServiceId::from(GetTypeDescription::TYPE).0,
+                ),
+            ),
+            &to_cdr(&request),
+            attachment,
+            (begun, begun + DESCRIBED),
+        )?;
+        let answer: GetTypeDescriptionResponse =
+            from_cdr(&answer).map_err(|error| refused(&error.to_string()))?;
+        if !answer.successful {
+            return Err(refused(&answer.failure_reason));
+        }
+        definition_of(&request.type_name, &answer.type_sources)
+            .ok_or_else(|| refused("it has no text of the type"))
     }
 
     /// Publishers and subscriptions that the nodes of the domain announce.

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
 
+use zenoh::Session;
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::query::{ConsolidationMode, Querier, Query, QueryTarget, Queryable};
@@ -163,44 +164,59 @@ impl ZenohClient {
             source_time_ns: wall_ns(),
             gid: self.announced.gid,
         };
-        let replies = self
-            .core
-            .session
-            .get(self.core.key(&self.name, &self.ty))
-            .target(QueryTarget::AllComplete)
-            .consolidation(ConsolidationMode::None)
-            .payload(request)
-            .attachment(attachment.to_bytes())
-            .timeout(deadline.saturating_duration_since(Instant::now()))
-            .wait()
-            .map_err(|reason| BusError::transport("send a request", &reason))?;
-        let mut refusal = None;
-        while let Ok(reply) = replies.recv() {
-            match reply.result() {
-                Ok(sample) => {
-                    let echo = sample
-                        .attachment()
-                        .and_then(|bytes| Attachment::from_bytes(&bytes.to_bytes()));
-                    if echo.is_some_and(|echo| {
-                        echo.sequence == attachment.sequence && echo.gid == attachment.gid
-                    }) {
-                        return Ok(sample.payload().to_bytes().into_owned());
-                    }
-                }
-                Err(error) => {
-                    let text = error.payload().to_bytes();
-                    refusal = Some(String::from_utf8_lossy(&text).into_owned());
+        ask(
+            &self.core.session,
+            (&self.name, self.core.key(&self.name, &self.ty)),
+            request,
+            attachment,
+            (begun, deadline),
+        )
+    }
+}
+
+/// Sends a request to every server of a service; the answer to it that comes first, or why there is none.
+pub(super) fn ask(
+    session: &Session,
+    (name, key): (&str, String),
+    request: &[u8],
+    attachment: Attachment,
+    (begun, deadline): (Instant, Instant),
+) -> Result<Vec<u8>, BusError> {
+    let replies = session
+        .get(key)
+        .target(QueryTarget::AllComplete)
+        .consolidation(ConsolidationMode::None)
+        .payload(request)
+        .attachment(attachment.to_bytes())
+        .timeout(deadline.saturating_duration_since(Instant::now()))
+        .wait()
+        .map_err(|reason| BusError::transport("send a request", &reason))?;
+    let mut refusal = None;
+    while let Ok(reply) = replies.recv() {
+        match reply.result() {
+            Ok(sample) => {
+                let echo = sample
+                    .attachment()
+                    .and_then(|bytes| Attachment::from_bytes(&bytes.to_bytes()));
+                if echo.is_some_and(|echo| {
+                    echo.sequence == attachment.sequence && echo.gid == attachment.gid
+                }) {
+                    return Ok(sample.payload().to_bytes().into_owned());
                 }
             }
+            Err(error) => {
+                let text = error.payload().to_bytes();
+                refusal = Some(String::from_utf8_lossy(&text).into_owned());
+            }
         }
-        let name = self.name.clone();
-        let seconds = deadline.saturating_duration_since(begun).as_secs_f64();
-        Err(match refusal {
-            // Zenoh itself answers so when time is up.
-            Some(reason) if reason == "Timeout" => BusError::Timeout { name, seconds },
-            Some(reason) => BusError::Refused { name, reason },
-            None if Instant::now() >= deadline => BusError::Timeout { name, seconds },
-            None => BusError::NoServer { name },
-        })
     }
+    let name = name.to_owned();
+    let seconds = deadline.saturating_duration_since(begun).as_secs_f64();
+    Err(match refusal {
+        // Zenoh itself answers so when time is up.
+        Some(reason) if reason == "Timeout" => BusError::Timeout { name, seconds },
+        Some(reason) => BusError::Refused { name, reason },
+        None if Instant::now() >= deadline => BusError::Timeout { name, seconds },
+        None => BusError::NoServer { name },
+    })
 }

@@ -222,6 +222,7 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
     let first = own.map(|cell| cell.cell.name.clone());
     let settings = Settings {
         first,
+        version: crate::version(),
         listen: arguments.listen,
         any_port: arguments.any_port,
         buses,

@@ -49,7 +49,7 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
     let is_drawn = std::io::stdout().is_terminal() && !arguments.once;
     let period = if arguments.once { HEARD } else { PERIOD };
     let mut needs_a_person = false;
-    watch(buses, period, |hall, now, trouble| {
+    watch(buses, crate::version(), period, |hall, now, trouble| {
         let text = hall_text(hall, now, trouble);
         if is_drawn {
             output::bytes(CLEAR.as_bytes());

@@ -386,7 +386,11 @@ fn describe(bus: &Bus, cell: &Cell) -> anyhow::Result<Publisher> {
     let topic = topics::CELL_DESCRIPTION;
     let publisher = bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))?;
     let description = std_msgs::String {
-        data: embedded::description(cell, &KeyFolder::of(cell)?.public()?.to_string()),
+        data: embedded::description(
+            cell,
+            &KeyFolder::of(cell)?.public()?.to_string(),
+            &crate::version(),
+        ),
     };
     publisher.publish(to_cdr(&description), host::now().0)?;
     Ok(publisher)
