@@ -18,7 +18,7 @@ pub trait DiskFile: Send + Sync {
     /// Makes everything written durable.
     fn sync(&self) -> io::Result<()>;
 
-    /// Whether the file still stands where it was made, in a folder that may be written.
+    /// Whether the file still stands where it was made.
     fn place(&self, _made_at: &Path) -> io::Result<Place> {
         Ok(Place::Kept)
     }
@@ -38,6 +38,8 @@ pub enum Place {
     Moved,
     /// It has none, and is gone once it is closed.
     Removed,
+    /// It is where it was made, in a folder that may not be written any more.
+    Closed,
 }
 
 /// Where recordings are written.
@@ -72,16 +74,20 @@ impl DiskFile for File {
             return Ok(Place::Removed);
         }
         let there = match std::fs::symlink_metadata(made_at) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Place::Moved),
-            there => there?,
+            Err(error) if error.kind() == io::ErrorKind::PermissionDenied => {
+                return Ok(Place::Closed);
+            }
+            Err(_) => return Ok(Place::Moved),
+            Ok(there) => there,
         };
         if (there.dev(), there.ino()) != (own.dev(), own.ino()) {
             return Ok(Place::Moved);
         }
         // The recording has further files when it goes on and when it ends.
-        let folder = made_at.parent().filter(|one| *one != Path::new(""));
-        let folder = folder.unwrap_or(Path::new("."));
-        rustix::fs::access(folder, Access::WRITE_OK | Access::EXEC_OK)?;
+        let folder = made_at.parent().unwrap_or(made_at);
+        if rustix::fs::access(folder, Access::WRITE_OK).is_err() {
+            return Ok(Place::Closed);
+        }
         Ok(Place::Kept)
     }
 

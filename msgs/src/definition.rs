@@ -9,6 +9,8 @@ use thiserror::Error;
 
 /// Depth beyond which a type contains itself.
 const DEEPEST: usize = 32;
+/// Fields of a whole definition, with those of the types in it each time that they are used.
+const MOST_FIELDS: usize = 10_000;
 
 /// Why a text is no definition of a message type.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -79,7 +81,8 @@ pub fn parse(name: &str, definition: &str) -> Result<Type, DefinitionError> {
         }
     }
     texts.insert(current, text);
-    record(&short(name), &texts, 0)
+    let mut left = MOST_FIELDS;
+    record(&short(name), &texts, 0, &mut left)
 }
 
 /// `package/Type` of a name with or without `msg` in between.
@@ -94,6 +97,7 @@ fn record(
     name: &str,
     texts: &BTreeMap<String, String>,
     depth: usize,
+    left: &mut usize,
 ) -> Result<Type, DefinitionError> {
     if depth >= DEEPEST {
         return refused(format!("the type {name} contains itself"));
@@ -114,7 +118,11 @@ fn record(
         let constant =
             field.contains('=') || words.next().is_some_and(|word| word.starts_with('='));
         if !constant {
-            fields.push((field.to_owned(), of(kind, name, texts, depth)?));
+            let Some(fewer) = left.checked_sub(1) else {
+                return refused(format!("{name} has more than {MOST_FIELDS} fields"));
+            };
+            *left = fewer;
+            fields.push((field.to_owned(), of(kind, name, texts, depth, left)?));
         }
     }
     if fields.is_empty() {
@@ -130,14 +138,15 @@ fn of(
     within: &str,
     texts: &BTreeMap<String, String>,
     depth: usize,
+    left: &mut usize,
 ) -> Result<Type, DefinitionError> {
     let Some((element, length)) = written
         .strip_suffix(']')
         .and_then(|one| one.split_once('['))
     else {
-        return single(written, within, texts, depth);
+        return single(written, within, texts, depth, left);
     };
-    let element = Box::new(single(element, within, texts, depth)?);
+    let element = Box::new(single(element, within, texts, depth, left)?);
     if length.is_empty() || length.starts_with("<=") {
         return Ok(Type::List(element));
     }
@@ -152,6 +161,7 @@ fn single(
     within: &str,
     texts: &BTreeMap<String, String>,
     depth: usize,
+    left: &mut usize,
 ) -> Result<Type, DefinitionError> {
     let bounded = written.split("<=").next().unwrap_or_default();
     Ok(match bounded {
@@ -180,7 +190,7 @@ fn single(
             match name.as_str() {
                 "builtin_interfaces/Time" => Type::Time,
                 "builtin_interfaces/Duration" => Type::Duration,
-                _ => record(&name, texts, depth + 1)?,
+                _ => record(&name, texts, depth + 1, left)?,
             }
         }
     })

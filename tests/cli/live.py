@@ -439,12 +439,15 @@ def a_folder_that_may_not_be_written_any_more_stops_the_part(folder):
             cutting(cell, place)
             (bag,) = (place / "recordings").glob("*")
             until("both requests", lambda: recorded(place).get("order_requests") == 2)
+            before, begun = recorded(place), time.monotonic()
             bag.chmod(what)
             code, output, errors = up.ended()
+        assert time.monotonic() - begun < kit.patience(LONG / 2), "it went on until the cut had ended"
         assert code == 1 and "part punch: stopped" in output, (what, code, output, errors)
         assert "Permission denied" in errors and "must not run unrecorded" in errors, (what, errors)
         bag.chmod(0o700)
-        assert recorded(place)["order_requests"] == 2, errors
+        after = recorded(place)
+        assert all(after[topic] >= count for topic, count in before.items()), (what, before, after)
 
 
 def a_disk_that_does_not_answer_holds_orders_up_and_loses_nothing(folder):
@@ -881,8 +884,8 @@ def an_operator_stops_a_part_while_strangers_take_what_they_can(folder):
                     asks = {"attachment": struct.pack("<qqB", 1, 1, 16) + bytes(16)}
                     asked_for = lambda size: {"payload": cdr([("s",)], [["x" * size]]), **asks}
                     service = "0/open/machine_state/get_parameters/**"
-                    assert not is_refused(stranger, service, **asked_for(1000))
-                    assert is_refused(stranger, service, **asked_for(300_000))
+                    assert not is_refused(stranger, service, **asked_for(250_000))
+                    assert is_refused(stranger, service, **asked_for(270_000))
             assert status(cell, place)["part"]["stage"] == "cutting"
             code, output, errors = asked("run", "punch", "--cell", cell, folder=place)
             assert code == 0 and "order 2: punch, 1 part" in output, (kind, code, output, errors)

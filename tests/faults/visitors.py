@@ -159,6 +159,7 @@ def check(folder, minutes):
         if statistics.median(memory[1]) > bound or files[1] > files[0] + STRANGERS // 10:
             grown.append(processes[process])
     print("visits:", sum(visits.values()), dict(visits))
+    assert all(visits[kind] for kind in WANTED), visits
     assert not grown, f"grew: {grown}"
 
 
@@ -168,6 +169,8 @@ if __name__ == "__main__":
     BINARY = str(pathlib.Path(sys.argv[1]).resolve())
     length = float(sys.argv[2]) if len(sys.argv) > 2 else 120.0
     WANTED = sys.argv[3:] or list(KINDS)
+    if not set(WANTED) <= set(KINDS):
+        raise SystemExit(f"a KIND is one of {', '.join(KINDS)}")
     with kit.new_folder() as folder:
         if not kit.apart(check, pathlib.Path(folder), length):
             raise SystemExit("FAILED")

@@ -51,7 +51,7 @@ class Disk:
         ran("mount", *words)
         self.mounts.append(words[-1])
 
-    def on_loop(self, folder, room, size, format=None, options=("-o", "errors=continue")):
+    def on_loop(self, folder, room, size, make=None, options=("-o", "errors=continue")):
         """A file system in a sparse file, ext4 unless it is told; `room`: KiB that the file may really take."""
         below = folder.parent / "below"
         below.mkdir()
@@ -60,7 +60,7 @@ class Disk:
         image = below / "image"
         ran("truncate", "-s", size, image)
         journal = [] if room is None else ["-O", "^has_journal"]
-        ran(*(format or ["mkfs.ext4", "-q", "-F", *journal, "-E", "lazy_itable_init=1"]), image)
+        ran(*(make or ["mkfs.ext4", "-q", "-F", *journal, "-E", "lazy_itable_init=1"]), image)
         self.device = ran("losetup", "--find", "--show", image)
         self.mount(*options, self.device, folder)
 

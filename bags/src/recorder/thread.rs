@@ -314,8 +314,8 @@ impl RecordingWriter {
         Ok(())
     }
 
-    /// Ends the recording where its open file has been moved or removed by another program: what would be written from now on
-    /// could not be found, or not be read.
+    /// Ends the recording where its open file has been moved or removed by another program, or its folder may not be written any
+    /// more: what would be written from now on could not be found, not be read, or not be completed.
     fn check_place(&mut self, queue: &Queue) -> Result<(), Error> {
         let Some(split) = &self.split else {
             return Ok(());
@@ -326,8 +326,18 @@ impl RecordingWriter {
         }
         // The descriptor is still there: the file is made whole. Without a summary it is read all the same.
         drop(self.close_split(&queue.all_losses()));
-        if place == Place::Moved {
-            return Err(Error::Moved { path });
+        match place {
+            Place::Moved => return Err(Error::Moved { path }),
+            Place::Closed => {
+                let folder = path.parent().unwrap_or(&path);
+                let reason = rustix::io::Errno::ACCESS.into();
+                return Err(Error::io(
+                    "write into the folder of the recording",
+                    folder,
+                    reason,
+                ));
+            }
+            Place::Kept | Place::Removed => {}
         }
         let kept = self.keep(&stream, &path).map_or_else(
             |error| format!("what was recorded is lost ({error})"),

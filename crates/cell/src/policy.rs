@@ -236,7 +236,17 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
             ],
         );
     }
-    policy.subject(SCREEN, &["listen", "fetch_late", "be_told", "show_reader"]);
+    let (name, service) = (&cell.cell.name, parameters::TYPE_DESCRIPTION);
+    let types = format!("{domain}/{name}/*/{service}/**");
+    policy.rule("learn_types", &["ingress"], &["query"], &[types]);
+    let read = [
+        "listen",
+        "fetch_late",
+        "be_told",
+        "show_reader",
+        "learn_types",
+    ];
+    policy.subject(SCREEN, &read);
     Ok(policy.table())
 }
 
@@ -295,7 +305,7 @@ impl Policy {
     }
 }
 
-fn list<T: AsRef<str>>(texts: &[T]) -> Value {
+pub(crate) fn list<T: AsRef<str>>(texts: &[T]) -> Value {
     let texts = texts.iter().map(|text| Value::from(text.as_ref()));
     Value::Array(texts.collect())
 }

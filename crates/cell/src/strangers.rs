@@ -159,19 +159,18 @@ pub fn read_only() -> Table {
     section(own.into_iter(), Vec::new(), &[], &[])
 }
 
-/// The section `low_pass_filter` of a router that strangers read: a request of many megabytes would hold up what comes after it
+/// The entry of `low_pass_filter` of a router that strangers read: a request of many megabytes would hold up what comes after it
 /// on the link to a node, an operator's stop too.
-pub fn short_requests() -> Vec<Table> {
-    let texts = |texts: &[&str]| Value::from(texts.to_vec());
+pub fn short_requests() -> Table {
     let rule = [
-        ("link_protocols", texts(&NETWORK)),
-        ("flows", texts(&["ingress"])),
-        ("messages", texts(&["query"])),
-        ("key_exprs", texts(&["**"])),
+        ("link_protocols", policy::list(&NETWORK)),
+        ("flows", policy::list(&["ingress"])),
+        ("messages", policy::list(&["query"])),
+        ("key_exprs", policy::list(&EVERYTHING)),
         ("size_limit", Value::from(LONGEST_REQUEST)),
     ];
     let rule = rule.map(|(name, value)| (name.to_owned(), value));
-    vec![rule.into_iter().collect()]
+    rule.into_iter().collect()
 }
 
 /// `own`: names of processes that no stranger may bear; `called`, `spoken` and `served`: keys that strangers may ask, put on and

@@ -5,7 +5,8 @@ use std::sync::{Arc, mpsc};
 use graph::{Stamp, topics};
 use host::bus::{BusConfig, BusError, Observed, Observer, OnKept, OnMissed, OnObserved, Storage};
 
-use crate::live::{OfCells, PRESENCE, join, kept, observed, present};
+use crate::live::{OfCells, PRESENCE, join, kept, present};
+use crate::observed::observed;
 use crate::state::{Hall, kept_topics};
 use crate::view::hall_text;
 
@@ -38,7 +39,7 @@ fn follow(storage: &Arc<Storage>, bus: &BusConfig) {
     let observer = join(bus, &latched, &on, || {});
     let mut states = OfCells::new(topics::MACHINE_STATE);
     loop {
-        states.follow(&observer, &present(&observer), &on);
+        states.follow(&observer, &present(&observer.graph()), &on);
         std::thread::sleep(PRESENCE);
     }
 }

@@ -33,6 +33,7 @@ mod history;
 mod keep;
 mod live;
 mod metrics;
+mod observed;
 mod recordings;
 mod server;
 pub mod state;

@@ -8,14 +8,15 @@ use std::time::{Duration, Instant};
 
 use graph::{Stamp, topics};
 use host::bus::{
-    BusConfig, BusError, EntityKind, Observed, Observer, OnKept, OnMissed, OnObserved, Qos, Watched,
+    BusConfig, BusError, EntityKind, Graph, Observed, Observer, OnKept, OnMissed, OnObserved,
+    Watched,
 };
-use host::bus_qos;
 use tokio::sync::watch;
 
 use crate::acts::Acts;
 use crate::heard::Heard;
-use crate::state::{Hall, kept_topics, machine_state, read_topics, split};
+use crate::observed::{Callbacks, FAST, fast, observed};
+use crate::state::{Differs, Hall, kept_topics, machine_state, read_topics, split};
 use crate::versions::Versions;
 
 /// How often presence is looked at. It is well below the 3 s in which a cell that was killed must be seen as stale.
@@ -134,13 +135,15 @@ impl Live {
         }
     }
 
-    /// Takes what differs in the messages of a topic of a cell of another version.
-    fn tell_of_version(&self, cell: &str, name: &str, differs: Vec<String>) {
+    fn set_differs(&self, differs: Differs) {
         let mut hall = self.hall();
-        hall.reads_another_version(cell, name, differs, host::now());
-        let number = hall.last_event();
+        let before = hall.last_event();
+        hall.set_differs(differs, host::now());
+        let after = hall.last_event();
         drop(hall);
-        self.changed.send_replace(number);
+        if before != after {
+            self.changed.send_replace(after);
+        }
     }
 
     /// Whoever waits in [`Live::look`] goes on when something is known of each of these cells.
@@ -179,15 +182,6 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// How a topic is read from the bus.
-pub(crate) fn observed(topic: graph::Topic) -> Observed {
-    Observed {
-        name: topic.name.to_owned(),
-        ty: topic.message.into(),
-        qos: bus_qos(topic.qos),
-    }
-}
-
 /// What a [`host::bus::Storage`] keeps of each cell for dashboards that come later, and what they ask it for.
 pub fn kept() -> Vec<Observed> {
     kept_topics().map(observed).into()
@@ -198,20 +192,6 @@ fn read_of_all() -> Vec<Observed> {
     let read = read_topics().into_iter().chain([topics::OPERATOR_KEYS]);
     let read = read.filter(|topic| FAST.iter().all(|fast| fast.name != topic.name));
     read.map(observed).collect()
-}
-
-/// Topics that come at the rate of the controller.
-pub(crate) const FAST: [graph::Topic; 2] = [topics::JOINT_STATES, topics::MACHINE_STATE];
-
-/// A topic that comes at the rate of the controller: it is read of each cell by a subscription of its own, for whose key Zenoh
-/// knows the way, while for one with wildcards it would search among all of them with every sample.
-pub(crate) fn fast(topic: graph::Topic) -> Observed {
-    Observed {
-        name: topic.name.to_owned(),
-        ty: topic.message.into(),
-        // The newest is all that counts; what is missing of it is not fetched.
-        qos: Qos::best_effort(1),
-    }
 }
 
 /// The cells of which one such topic is read.
@@ -247,9 +227,6 @@ impl OfCells {
         }
     }
 }
-
-/// What takes samples, and what takes how many are missed.
-pub(crate) type Callbacks = (OnObserved, OnMissed);
 
 /// Reads one router for as long as the process runs, on a thread of its own.
 pub(crate) fn read(live: Arc<Live>, config: BusConfig) -> std::io::Result<()> {
@@ -303,7 +280,7 @@ fn read_first(
     }
     while !live.looked.load(Ordering::Relaxed) {
         live.set_router(&endpoint, observer.is_connected());
-        live.set_present(&present(&observer));
+        live.set_present(&present(&observer.graph()));
         std::thread::sleep(PRESENCE);
     }
     (read, observer)
@@ -346,14 +323,13 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
                 tracing::warn!(%error, "storages are not asked");
             }
         }
-        let present = present(&observer);
+        let graph = observer.graph();
+        let present = present(&graph);
         states.follow(&observer, &present, &on);
         axes.follow(&observer, &live.wanted(), &on);
-        versions.follow(&observer, &on, |cell, name, differs| {
-            live.tell_of_version(cell, name, differs);
-        });
         live.set_present(&present);
         live.tell_whether_all_are_read(&present);
+        live.set_differs(versions.follow(&observer, &graph, &present, &on));
         std::thread::sleep(PRESENCE);
     }
 }
@@ -381,9 +357,8 @@ fn callbacks(live: &Arc<Live>, heard: &Arc<Mutex<Heard>>) -> Callbacks {
 }
 
 /// Names of the cells whose machine somebody publishes the state of.
-pub(crate) fn present(observer: &Observer) -> BTreeSet<String> {
+pub(crate) fn present(graph: &Graph) -> BTreeSet<String> {
     let ty = machine_state();
-    let graph = observer.graph();
     let publishers = graph
         .entities()
         .iter()

@@ -86,8 +86,14 @@ macro_rules! declare_topics {
     };
 }
 
-/// Begin of the line of `cell_description`, a comment in TOML, that names the version of the program that the cell runs.
+/// Prefix of the line of `cell_description`, a comment in TOML, that names the version of the program that the cell runs.
 pub const PROGRAM_LINE: &str = "# program: probecell ";
+
+/// The version of the program that a `cell_description` names: its first line is the key of the cell.
+pub fn program(description: &str) -> Option<&str> {
+    let mut lines = description.lines().take(2);
+    lines.find_map(|line| line.strip_prefix(PROGRAM_LINE))
+}
 
 declare_topics! {
     CONTROLLER_STATUS = "driver", "controller_status", ControllerStatus, Qos::reliable(100);

@@ -187,10 +187,10 @@ pub(crate) fn router_config(cell: &Cell) -> anyhow::Result<RouterConfig> {
         listen.insert(0, socket.locator());
         if let Some(rules) = strangers::access_control(cell)? {
             zenoh["access_control"] = serde_json::to_value(rules)?;
-            let own = zenoh.get("low_pass_filter").is_some();
-            if !own {
-                zenoh["low_pass_filter"] = serde_json::to_value(strangers::short_requests())?;
-            }
+            let own = zenoh.get("low_pass_filter").and_then(|one| one.as_array());
+            let mut filters = own.cloned().unwrap_or_default();
+            filters.push(serde_json::to_value(strangers::short_requests())?);
+            zenoh["low_pass_filter"] = filters.into();
         }
     }
     Ok(RouterConfig {

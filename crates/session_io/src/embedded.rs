@@ -35,16 +35,16 @@ pub fn description(cell: &Cell, key: &str, version: &str) -> String {
     format!("{KEY_LINE}{key}\n{PROGRAM_LINE}{version}\n{text}")
 }
 
-/// Key and file of a description.
+/// Key and cell file of a description.
 fn parts(description: &str) -> (String, String) {
-    let line = |text: &'_ str, begin: &str| {
-        let (line, rest) = text.strip_prefix(begin)?.split_once('\n')?;
-        Some((line.to_owned(), rest.to_owned()))
-    };
-    let (key, text) =
-        line(description, KEY_LINE).unwrap_or_else(|| (String::new(), description.to_owned()));
-    let text = line(&text, PROGRAM_LINE).map_or(text, |(_, rest)| rest);
-    (key, text)
+    let (key, text) = after(KEY_LINE, description).unwrap_or(("", description));
+    let (_, text) = after(PROGRAM_LINE, text).unwrap_or(("", text));
+    (key.to_owned(), text.to_owned())
+}
+
+/// The rest of a first line that begins so, and what follows that line.
+fn after<'a>(begin: &str, text: &'a str) -> Option<(&'a str, &'a str)> {
+    text.strip_prefix(begin)?.split_once('\n')
 }
 
 /// The cell of a recording; `None` where it carries none.

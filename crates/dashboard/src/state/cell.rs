@@ -128,8 +128,8 @@ pub struct CellState {
     pub kept: bool,
     /// Version of the program that it runs, `0.1.0 (8d17e5fa)`; empty where it does not say.
     pub version: String,
-    /// It runs another version than whoever reads it.
-    pub is_of_another_version: bool,
+    /// It says another version than that of whoever reads it.
+    pub says_another: bool,
     /// What differs in its messages, by topic: a text for each field, or why they are not read.
     pub differs: BTreeMap<String, Vec<String>>,
     /// First and last reception.
@@ -340,11 +340,11 @@ impl CellState {
 
     /// The version that it runs, where that is another than that of whoever reads it.
     pub fn other_version(&self) -> Option<&str> {
-        let said = match self.version.as_str() {
-            "" => "another version",
-            version => version,
-        };
-        self.is_of_another_version.then_some(said)
+        match (self.says_another, self.differs.is_empty()) {
+            (true, _) => Some(&self.version),
+            (false, false) => Some("another version"),
+            (false, true) => None,
+        }
     }
 
     /// A part is being made.

@@ -20,6 +20,9 @@ const FORGOTTEN_MAKING_S: f64 = 86_400.0;
 /// What a storage is asked for is forgotten when none has answered with it for so many seconds.
 const CONFIRMED_S: f64 = 100.0;
 
+/// What differs in the messages of cells of another version, or why they are not read: a sentence for each field, by cell and topic.
+pub(crate) type Differs = BTreeMap<String, BTreeMap<String, Vec<String>>>;
+
 /// Every cell from which a message was received, and those of which a storage has kept the last state.
 #[derive(Clone, Debug, Default)]
 pub struct Hall {
@@ -115,7 +118,7 @@ pub(crate) fn is_read(topic: &str, message: &str) -> bool {
 }
 
 impl Hall {
-    /// That of a program of this version.
+    /// An empty hall, seen by a program of this version.
     pub(crate) fn of_version(version: String) -> Self {
         Self {
             version,
@@ -129,14 +132,16 @@ impl Hall {
         let Some((cell, name)) = split(topic) else {
             return;
         };
-        let own = self.version.clone();
         let Some(state) = self.known(cell, at) else {
             return;
         };
         let came_back = state.left.is_some();
         let happened = state.take(name, bytes, at);
-        if name == topics::CELL_DESCRIPTION.name && !own.is_empty() && !state.version.is_empty() {
-            state.is_of_another_version |= state.version != own;
+        if name == topics::CELL_DESCRIPTION.name
+            && let Some(state) = self.cells.get_mut(cell)
+        {
+            let is_said = !self.version.is_empty() && !state.version.is_empty();
+            state.says_another = is_said && state.version != self.version;
         }
         if came_back {
             self.happened(cell, at, EventKind::Cell, "came back".to_owned());
@@ -161,24 +166,27 @@ impl Hall {
         self.cells.get_mut(cell)
     }
 
-    /// Takes what differs in the messages of a topic of a cell that another version of the program runs, or why they are not read.
-    pub(crate) fn reads_another_version(
-        &mut self,
-        cell: &str,
-        name: &str,
-        differs: Vec<String>,
-        at: Stamp,
-    ) {
-        let Some(state) = self.known(cell, at) else {
-            return;
-        };
-        let is_new = !state.is_of_another_version;
-        state.is_of_another_version = true;
-        state.differs.insert(name.to_owned(), differs);
-        state.changed(&[Section::State]);
-        if is_new {
+    /// Takes what differs in the messages of cells that another version of the program runs, or why they are not read. Nothing
+    /// differs in those of all others.
+    pub(crate) fn set_differs(&mut self, mut differs: Differs, at: Stamp) {
+        let named: Vec<String> = differs.keys().cloned().collect();
+        for cell in &named {
+            self.known(cell, at);
+        }
+        let mut begins = Vec::new();
+        for (name, cell) in &mut self.cells {
+            let differs = differs.remove(name).unwrap_or_default();
+            if cell.differs != differs {
+                if cell.other_version().is_none() {
+                    begins.push(name.clone());
+                }
+                cell.differs = differs;
+                cell.changed(&[Section::State]);
+            }
+        }
+        for name in begins {
             let text = "runs another version of probecell".to_owned();
-            self.happened(cell, at, EventKind::Cell, text);
+            self.happened(&name, at, EventKind::Cell, text);
         }
     }
 
@@ -329,4 +337,49 @@ impl Hall {
 /// The type that makes a namespace a cell.
 pub(crate) fn machine_state() -> &'static MessageType {
     <MachineState as Message>::TYPE
+}
+
+#[cfg(test)]
+mod tests {
+    use probecell_msgs::{std_msgs, to_cdr};
+
+    use super::*;
+
+    fn says(hall: &mut Hall, version: &str) {
+        let data = format!("# public key of the cell: 00\n{version}[cell]\n");
+        let message = to_cdr(&std_msgs::String { data });
+        hall.apply("/lathe/cell_description", &message, Stamp(0));
+    }
+
+    fn other(hall: &Hall) -> Option<&str> {
+        hall.cell("lathe").and_then(CellState::other_version)
+    }
+
+    #[test]
+    fn a_cell_of_another_version_is_named_until_it_is_none_any_more() {
+        let mut hall = Hall::of_version("0.2.0 (abc)".to_owned());
+        says(&mut hall, "");
+        assert_eq!(other(&hall), None);
+        says(&mut hall, "# program: probecell 0.1.0 (def)\n");
+        assert_eq!(other(&hall), Some("0.1.0 (def)"));
+        says(&mut hall, "# program: probecell 0.2.0 (abc)\n");
+        assert_eq!(other(&hall), None);
+    }
+
+    #[test]
+    fn messages_that_differ_show_a_version_that_is_not_said() {
+        let mut hall = Hall::of_version("0.2.0 (abc)".to_owned());
+        let with = |names: &[&str]| {
+            let new = |name: &&str| ((*name).to_owned(), vec!["share is new".to_owned()]);
+            Differs::from([("lathe".to_owned(), names.iter().map(new).collect())])
+        };
+        hall.set_differs(with(&["plan_progress", "verdicts"]), Stamp(0));
+        hall.set_differs(with(&["plan_progress"]), Stamp(0));
+        assert_eq!(other(&hall), Some("another version"));
+        assert_eq!(hall.events_since(0, None).0.count(), 2); // it appeared, and runs another version
+        says(&mut hall, "# program: probecell 0.2.0 (abc)\n");
+        assert_eq!(other(&hall), Some("another version"));
+        hall.set_differs(Differs::new(), Stamp(1));
+        assert_eq!(other(&hall), None);
+    }
 }

@@ -3,10 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-use graph::{
-    Stamp,
-    topics::{self, PROGRAM_LINE},
-};
+use graph::{Stamp, topics};
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, GapReport, InspectionPlan,
     LossReport, MachineState, MeasurementOrder, Message, PartReport, PartStatus, PassDecision,
@@ -21,7 +18,7 @@ use super::wording;
 /// Letters of the description of a machine.
 const DESCRIPTION: usize = 1 << 20;
 /// Letters of the version of the program.
-const LETTERS: usize = 64;
+const VERSION_LETTERS: usize = 64;
 /// Parts of a run chart.
 const PARTS: usize = 200;
 /// Characteristics with a run chart.
@@ -68,9 +65,8 @@ impl CellState {
             }
             n if n == topics::CELL_DESCRIPTION.name => {
                 let text: std_msgs::String = read(bytes)?;
-                let mut lines = text.data.lines().take(2);
-                let version = lines.find_map(|line| line.strip_prefix(PROGRAM_LINE));
-                self.version = version.unwrap_or_default().chars().take(LETTERS).collect();
+                let version = topics::program(&text.data).unwrap_or_default();
+                self.version = version.chars().take(VERSION_LETTERS).collect();
                 self.changed(&[Section::State]);
                 None
             }

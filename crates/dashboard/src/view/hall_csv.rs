@@ -30,7 +30,6 @@ pub fn hall_csv(hall: &Hall, now: Stamp, choice: &Choice) -> String {
         "measuring/s",
         "waiting/s",
         "stopped/s",
-        "probecell",
     ];
     let mut names: Vec<String> = names.map(str::to_owned).into();
     for name in ["size/tolerance", "gap/noise"] {
@@ -40,6 +39,7 @@ pub fn hall_csv(hall: &Hall, now: Stamp, choice: &Choice) -> String {
                 .map(|back| format!("{name} {back} parts ago")),
         );
     }
+    names.push("probecell".to_owned());
     let mut text = row(&names);
     let length = strip_length(hall, now);
     for cell in choice.cells(hall, now) {
@@ -68,7 +68,6 @@ pub fn hall_csv(hall: &Hall, now: Stamp, choice: &Choice) -> String {
         ];
         let spent = cell.course.spent_since(now.after_s(-length));
         cells.extend(spent.map(|one| number(Some(one), 1.0)));
-        cells.push(cell.version.clone());
         let back = |back: usize| cell.last_parts.iter().rev().nth(back);
         cells.extend(
             (0..LAST_PARTS)
@@ -80,6 +79,7 @@ pub fn hall_csv(hall: &Hall, now: Stamp, choice: &Choice) -> String {
                 .rev()
                 .map(|n| number(back(n).and_then(|one| one.ratio), 1.0)),
         );
+        cells.push(cell.version.clone());
         text.push_str(&row(&cells));
     }
     text

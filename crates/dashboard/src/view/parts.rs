@@ -62,7 +62,7 @@ fn other_version(cell: &CellState, version: &str) -> Markup {
             dd {
                 (version)
                 @if !cell.version.is_empty() { small { "another version than that of this page" } }
-                @if !cell.differs.is_empty() { small { "Messages that differ, read by the names of their fields:" } }
+                @if !cell.differs.is_empty() { small { "Messages that differ:" } }
                 @for (topic, fields) in &cell.differs { small { code { (topic) } @if !fields.is_empty() { ": " (fields.join(", ")) } } }
             }
         }

@@ -151,10 +151,13 @@ impl<'a> Efforts<'a> {
             let withheld = session >= fitted.len();
             efforts.add(session, withheld, track, &sizes);
         }
+        if efforts.blocks.is_empty() {
+            return None;
+        }
         efforts.weigh();
         let products = efforts.products();
         efforts.selected = efforts.select(&products).map(|fit| (products, fit));
-        (!efforts.blocks.is_empty()).then_some(efforts)
+        Some(efforts)
     }
 
     /// A session of which nothing can be compared.

@@ -8,6 +8,7 @@
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
+use graph::parameters;
 use probecell_msgs::{
     Service, definition_of, from_cdr, to_cdr,
     type_description_interfaces::srv::{
@@ -30,11 +31,11 @@ use super::qos::Qos;
 use super::services::ask;
 use super::session::open_session;
 use super::types::{ServiceId, TypeId};
-use super::wire::{Attachment, Entity, data_key, topic_tokens, topic_tokens_in};
+use super::wire::{Attachment, NodeName, data_key, gid, topic_tokens, topic_tokens_in};
 use super::{BusError, Received, wall_ns};
 
-/// Wait for a node to describe a type.
-const DESCRIBED: Duration = Duration::from_secs(2);
+/// How long a node may take to describe a type.
+const DESCRIBED: Duration = Duration::from_millis(500);
 
 /// What to read: a topic name below any namespace, its type, and how.
 #[derive(Clone, Debug)]
@@ -211,43 +212,36 @@ impl Observer {
         Ok(())
     }
 
-    /// The definition (`ros2msg`) of what a publisher sends, of the texts that its node gives of the type (REP 2016).
+    /// The definition (`ros2msg`) of a type, of the texts that a node that uses it gives (REP 2016).
     ///
     /// # Errors
-    /// [`BusError::NoServer`] or [`BusError::Timeout`] where its node describes no types; [`BusError::Refused`] where it has no
+    /// [`BusError::NoServer`] or [`BusError::Timeout`] where the node describes no types; [`BusError::Refused`] where it has no
     /// text of this one; [`BusError::Transport`].
-    pub fn definition_of(&self, publisher: &Entity) -> Result<String, BusError> {
-        let name = format!("{}/get_type_description", publisher.node.full());
-        let refused = |reason: &str| BusError::Refused {
-            name: name.clone(),
-            reason: reason.to_owned(),
-        };
-        let channel = (publisher.channel.as_ref()).ok_or_else(|| refused("it is no publisher"))?;
+    pub fn definition_of(&self, node: &NodeName, ty: &TypeId) -> Result<String, BusError> {
+        let name = format!("{}/{}", node.full(), parameters::TYPE_DESCRIPTION);
+        let service = ServiceId::from(GetTypeDescription::TYPE);
         let request = GetTypeDescriptionRequest {
-            type_name: channel.ty.ros_name(),
-            type_hash: channel.ty.hash().to_owned(),
+            type_name: ty.ros_name(),
+            type_hash: ty.hash().to_owned(),
             include_type_sources: true,
         };
         let attachment = Attachment {
-            sequence: 1,
+            sequence: wall_ns(),
             source_time_ns: wall_ns(),
-            gid: publisher.gid(),
+            gid: gid(&self.session.zid().to_string()),
         };
         let begun = Instant::now();
         let answer = ask(
             &self.session,
-            (
-                &name,
-                data_key(
-                    self.domain_id,
-                    &name,
-                    &ServiceId::from(GetTypeDescription::TYPE).0,
-                ),
-            ),
+            (&name, data_key(self.domain_id, &name, &service.0)),
             &to_cdr(&request),
             attachment,
             (begun, begun + DESCRIBED),
         )?;
+        let refused = |reason: &str| BusError::Refused {
+            name: name.clone(),
+            reason: reason.to_owned(),
+        };
         let answer: GetTypeDescriptionResponse =
             from_cdr(&answer).map_err(|error| refused(&error.to_string()))?;
         if !answer.successful {

@@ -52,7 +52,7 @@ pub(crate) fn run(
     };
     if to == Strangers::Read {
         config.zenoh["access_control"] = serde_json::to_value(strangers::read_only())?;
-        config.zenoh["low_pass_filter"] = serde_json::to_value(strangers::short_requests())?;
+        config.zenoh["low_pass_filter"] = serde_json::to_value([strangers::short_requests()])?;
         for endpoint in listen {
             let socket = OwnSocket::of(endpoint).context(
                 "the private socket of the router cannot be created: neither HOME nor XDG_STATE_HOME is set",
