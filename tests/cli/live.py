@@ -381,6 +381,7 @@ def a_recording_that_is_taken_away_stops_the_part_and_is_kept(folder):
         cell = own_cell(place, cut_s=LONG)
         with cell_that_is_ready(cell, place) as up:
             cutting(cell, place)
+            until("a second of samples", lambda: recorded(place).get("controller_status", 0) > 10)
             (bag,) = (place / "recordings").glob("*")
             change(bag, place / "away")
             code, output, errors = up.ended()
