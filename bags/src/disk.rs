@@ -8,7 +8,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use rustix::fs::Access;
+use rustix::fs::{Access, access};
+use rustix::io::Errno;
 
 /// A file that is written from its beginning to its end. Handles of one file may be used by one thread at a time.
 pub trait DiskFile: Send + Sync {
@@ -38,8 +39,8 @@ pub enum Place {
     Moved,
     /// It has none, and is gone once it is closed.
     Removed,
-    /// It is where it was made, in a folder that may not be written any more.
-    Closed,
+    /// It is where it was made, in a folder that may not be written any more, for this reason.
+    Closed(Errno),
 }
 
 /// Where recordings are written.
@@ -75,7 +76,7 @@ impl DiskFile for File {
         }
         let there = match std::fs::symlink_metadata(made_at) {
             Err(error) if error.kind() == io::ErrorKind::PermissionDenied => {
-                return Ok(Place::Closed);
+                return Ok(Place::Closed(Errno::ACCESS));
             }
             Err(_) => return Ok(Place::Moved),
             Ok(there) => there,
@@ -85,10 +86,8 @@ impl DiskFile for File {
         }
         // The recording has further files when it goes on and when it ends.
         let folder = made_at.parent().unwrap_or(made_at);
-        if rustix::fs::access(folder, Access::WRITE_OK).is_err() {
-            return Ok(Place::Closed);
-        }
-        Ok(Place::Kept)
+        let may_be_written = access(folder, Access::WRITE_OK);
+        Ok(may_be_written.map_or_else(Place::Closed, |()| Place::Kept))
     }
 
     fn copy_to(&self, path: &Path) -> io::Result<()> {

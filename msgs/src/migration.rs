@@ -415,4 +415,19 @@ mod tests {
         assert_eq!(other, Err(MigrationError::Nothing));
         assert!(Migration::new("Unknown a\n", ProbeEvent::TYPE).is_err());
     }
+
+    #[test]
+    fn a_short_definition_of_very_many_fields_is_refused() {
+        let rule = "=".repeat(80);
+        let twice = |depth| format!("{rule}\nMSG: a/T{depth}\nT{0} one\nT{0} other\n", depth + 1);
+        let nested: String = (0..30).map(twice).collect();
+        let definition = format!("T0 position\n{nested}{rule}\nMSG: a/T30\nfloat64 x\n");
+        let refused = Migration::between("a/msg/Many", &definition, "float64 position\n");
+        assert!(
+            refused
+                .unwrap_err()
+                .to_string()
+                .contains("more than 10000 fields")
+        );
+    }
 }

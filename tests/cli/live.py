@@ -94,6 +94,18 @@ def cell_that_is_ready(cell, folder, more=(), **how):
         yield up
 
 
+def dashboard_of(up):
+    """Address of the dashboard that a cell has started, and what gives a page of it."""
+    until("the dashboard", lambda: re.search(r"dashboard: http://\S+/", up.errors))
+    (address,) = re.findall(r"dashboard: (http://\S+)/", up.errors)
+
+    def page(path, **more):
+        with urllib.request.urlopen(urllib.request.Request(address + path, **more), timeout=kit.patience(60)) as answer:
+            return answer.read().decode()
+
+    return address, page
+
+
 def part_is_asked_for(cell, folder):
     # Two requests: a part that was stopped before holds the orders.
     asked("orders", "resume", "--cell", cell, folder=folder)
@@ -850,18 +862,15 @@ def an_operator_stops_a_part_while_strangers_take_what_they_can(folder):
             code, output, errors = asked("secure", cell, "--out", place / "sessions", folder=place)
             assert code == 0, (output, errors)
         with cell_that_is_ready(cell, place) as up, contextlib.ExitStack() as held:
-            until("the dashboard", lambda: re.search(r"dashboard: http://\S+", up.errors))
-            (port,) = re.findall(r"dashboard: http://127.0.0.1:(\d+)/", up.errors)
-            address = f"http://127.0.0.1:{port}"
+            address, fetched = dashboard_of(up)
+            port = address.rsplit(":", 1)[1]
 
             def page(path, about=None):
                 headers = {"content-type": "application/json", "origin": address}
                 if about is not None:
                     headers["x-act-token"] = json.loads(page("/act/token"))["token"]
                     about = json.dumps({"cell": kind, "subject": "", **about}).encode()
-                request = urllib.request.Request(address + path, data=about, headers=headers)
-                with urllib.request.urlopen(request, timeout=kit.patience(60)) as answer:
-                    return answer.read().decode()
+                return fetched(path, data=about, headers=headers)
 
             cutting(cell, place)
 
@@ -1006,7 +1015,9 @@ def a_cell_of_another_version_is_read_by_the_names_of_its_fields(folder):
     schema, channel, _ = messages[0]
     hash_then = channel.metadata["topic_type_hash"]
     texts = re.split("={80}\nMSG: ", schema.data.decode())
-    named = [(schema.name, texts[0])] + [(f"{name.split('/')[0]}/msg/{name.split('/')[-1]}", text) for name, _, text in (one.partition("\n") for one in texts[1:])]
+    named = [(schema.name, texts[0])]
+    for name, _, text in (one.partition("\n") for one in texts[1:]):
+        named.append(("/msg/".join(name.split("/")), text))
     known = ["?", "s", [["s", (TYPE,)], (["s", (TYPE,)],)], (["s", "s", "s"],), (["s", "s"],)]
 
     def describe(query):
@@ -1019,13 +1030,7 @@ def a_cell_of_another_version_is_read_by_the_names_of_its_fields(folder):
 
     cell = own_cell(folder)
     with cell_that_is_ready(cell, folder) as up, own_session() as other:
-        until("the dashboard", lambda: re.search(r"dashboard: http://\S+", up.errors))
-        (address,) = re.findall(r"dashboard: (http://\S+)", up.errors)
-
-        def page(path):
-            with urllib.request.urlopen(address + path, timeout=kit.patience(60)) as answer:
-                return answer.read().decode()
-
+        _, page = dashboard_of(up)
         held = [other.declare_queryable("0/ball_check/path_planning/get_type_description/**", describe, complete=True)]
 
         def publishes(number, name, kind, digest):
@@ -1043,13 +1048,13 @@ def a_cell_of_another_version_is_read_by_the_names_of_its_fields(folder):
         def is_shown():
             for key, data in [(said, text), (progress, messages[3][2])]:
                 other.put(key, data, attachment=struct.pack("<qqB", next(numbers), time.time_ns(), 16) + 16 * b"\7")
-            shown = page("cell/ball_check")
+            shown = page("/cell/ball_check")
             return all(text in shown for text in (version, "air_length is new, given_air_length is new", "of 14 touches"))
 
         until("the other version on its page", is_shown)
-        shown = page("cell/ball_check")
+        shown = page("/cell/ball_check")
         assert "<code>machine_state</code>: not read: " in shown and "not known here" in shown, shown
-        hall = page("")
+        hall = page("/")
         assert version in hall and hall.count("small class=\"version\"") == 1, hall
 
 
@@ -1061,13 +1066,9 @@ def the_dashboard_of_a_cell_reads_the_others_once_it_is_looked_at(folder):
     cell = own_cell(first)
     other = own_cell(second, lambda text: text.replace('name = "turn_mill"', 'name = "other"', 1))
 
-    def page(path):
-        with urllib.request.urlopen(address + path, timeout=kit.patience(60)) as answer:
-            return answer.read().decode()
-
     def parts(name):
         """How many parts of a cell have ended, one of which the metrics tell."""
-        counts = [line for line in page("metrics").splitlines() if line.startswith(f'probecell_cell_parts_total{{cell="{name}"')]
+        counts = [line for line in page("/metrics").splitlines() if line.startswith(f'probecell_cell_parts_total{{cell="{name}"')]
         return sum(int(line.split()[-1]) for line in counts)
 
     with cell_that_is_ready(cell, first) as up, cell_that_is_ready(other, second) as beside:
@@ -1075,11 +1076,11 @@ def the_dashboard_of_a_cell_reads_the_others_once_it_is_looked_at(folder):
         part_is_asked_for(other, second)
         for process in (up, beside):
             process.says("part punch: ")
-        (address,) = re.findall(r"dashboard: (http://\S+)", beside.errors)
-        assert "/cell/other" in page("")  # the first that anybody asks for
-        until("the other cell", lambda: "/cell/turn_mill" in page(""))
+        _, page = dashboard_of(beside)
+        assert "/cell/other" in page("/")  # the first that anybody asks for
+        until("the other cell", lambda: "/cell/turn_mill" in page("/"))
         until("the part of the other cell", lambda: parts("turn_mill") == 1)
-        assert parts("other") == 1, page("metrics")
+        assert parts("other") == 1, page("/metrics")
 
 
 def quick(text):
@@ -1162,7 +1163,8 @@ CHECKS = (
     a_paused_cycle_starts_nothing_late, the_same_cell_is_not_started_twice_and_another_outlives_its_router,
     a_wall_clock_set_back_is_a_recorded_fault, a_disk_that_fails_stops_the_part_and_the_cell,
     a_recording_that_is_taken_away_stops_the_part_and_is_kept, a_disk_that_goes_while_a_part_is_cut_stops_the_part,
-    a_folder_that_may_not_be_written_any_more_stops_the_part, a_disk_that_does_not_answer_holds_orders_up_and_loses_nothing, a_dashboard_that_dies_is_started_again,
+    a_folder_that_may_not_be_written_any_more_stops_the_part, a_disk_that_does_not_answer_holds_orders_up_and_loses_nothing,
+    a_dashboard_that_dies_is_started_again,
     a_killed_launcher_leaves_nothing_that_holds_commands_up, a_part_on_simulated_time_is_the_same_part,
     a_cell_on_simulated_time_is_supervised,
     corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,

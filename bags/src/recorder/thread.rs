@@ -328,14 +328,10 @@ impl RecordingWriter {
         drop(self.close_split(&queue.all_losses()));
         match place {
             Place::Moved => return Err(Error::Moved { path }),
-            Place::Closed => {
+            Place::Closed(reason) => {
                 let folder = path.parent().unwrap_or(&path);
-                let reason = rustix::io::Errno::ACCESS.into();
-                return Err(Error::io(
-                    "write into the folder of the recording",
-                    folder,
-                    reason,
-                ));
+                let doing = "write into the folder of the recording";
+                return Err(Error::io(doing, folder, reason.into()));
             }
             Place::Kept | Place::Removed => {}
         }

@@ -12,7 +12,7 @@
 //! | `driver`, where others start it | read; put on the driver's topics |
 //! | `console` | read, call services |
 //! | `ros` | the same, from ROS 2 |
-//! | `screen` | read |
+//! | `screen` | read; ask what the types of messages are |
 //!
 //! Neither `*` nor `**` matches a chunk that begins with `@`: tokens of discovery (`@ros2_lv`) and what is fetched late
 //! (`…/@adv/…`) have rules of their own.

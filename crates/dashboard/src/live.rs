@@ -16,7 +16,7 @@ use tokio::sync::watch;
 use crate::acts::Acts;
 use crate::heard::Heard;
 use crate::observed::{Callbacks, FAST, fast, observed};
-use crate::state::{Differs, Hall, kept_topics, machine_state, read_topics, split};
+use crate::state::{Hall, kept_topics, machine_state, read_topics, split};
 use crate::versions::Versions;
 
 /// How often presence is looked at. It is well below the 3 s in which a cell that was killed must be seen as stale.
@@ -124,21 +124,11 @@ impl Live {
         }
     }
 
-    fn set_present(&self, present: &BTreeSet<String>) {
+    /// Changes the hall, and wakes the pages where that is an event.
+    fn change(&self, change: impl FnOnce(&mut Hall)) {
         let mut hall = self.hall();
         let before = hall.last_event();
-        hall.set_present(present, host::now());
-        let after = hall.last_event();
-        drop(hall);
-        if before != after {
-            self.changed.send_replace(after);
-        }
-    }
-
-    fn set_differs(&self, differs: Differs) {
-        let mut hall = self.hall();
-        let before = hall.last_event();
-        hall.set_differs(differs, host::now());
+        change(&mut hall);
         let after = hall.last_event();
         drop(hall);
         if before != after {
@@ -166,14 +156,7 @@ impl Live {
             self.acts.take_keys(cell, payload);
             return;
         }
-        let mut hall = self.hall();
-        let before = hall.last_event();
-        hall.apply(topic, payload, host::now());
-        let after = hall.last_event();
-        drop(hall);
-        if before != after {
-            self.changed.send_replace(after);
-        }
+        self.change(|hall| hall.apply(topic, payload, host::now()));
     }
 }
 
@@ -280,7 +263,8 @@ fn read_first(
     }
     while !live.looked.load(Ordering::Relaxed) {
         live.set_router(&endpoint, observer.is_connected());
-        live.set_present(&present(&observer.graph()));
+        let present = present(&observer.graph());
+        live.change(|hall| hall.set_present(&present, host::now()));
         std::thread::sleep(PRESENCE);
     }
     (read, observer)
@@ -327,9 +311,10 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
         let present = present(&graph);
         states.follow(&observer, &present, &on);
         axes.follow(&observer, &live.wanted(), &on);
-        live.set_present(&present);
+        live.change(|hall| hall.set_present(&present, host::now()));
         live.tell_whether_all_are_read(&present);
-        live.set_differs(versions.follow(&observer, &graph, &present, &on));
+        let differs = versions.follow(&observer, &graph, &present, &on);
+        live.change(|hall| hall.set_differs(differs, host::now()));
         std::thread::sleep(PRESENCE);
     }
 }
@@ -346,11 +331,7 @@ fn callbacks(live: &Arc<Live>, heard: &Arc<Mutex<Heard>>) -> Callbacks {
     let on_missed: OnMissed = Arc::new({
         let live = Arc::clone(live);
         move |name, _session, count| {
-            let mut hall = live.hall();
-            hall.missed("", name, count, host::now());
-            let number = hall.last_event();
-            drop(hall);
-            live.changed.send_replace(number);
+            live.change(|hall| hall.missed("", name, count, host::now()));
         }
     });
     (on_sample, on_missed)

@@ -15,6 +15,8 @@ use host::{
 use nix::ifaddrs::{InterfaceAddress, getifaddrs};
 use nix::net::if_::InterfaceFlags;
 use probecell_msgs::rcl_interfaces::{ParameterType, ParameterValue};
+use serde_json::Value;
+use toml::Table;
 
 use crate::own_socket::{COMMAND_PATIENCE, OwnSocket, PATIENCE, own_locator};
 
@@ -186,11 +188,7 @@ pub(crate) fn router_config(cell: &Cell) -> anyhow::Result<RouterConfig> {
     if let Some(socket) = own_socket(cell)? {
         listen.insert(0, socket.locator());
         if let Some(rules) = strangers::access_control(cell)? {
-            zenoh["access_control"] = serde_json::to_value(rules)?;
-            let own = zenoh.get("low_pass_filter").and_then(|one| one.as_array());
-            let mut filters = own.cloned().unwrap_or_default();
-            filters.push(serde_json::to_value(strangers::short_requests())?);
-            zenoh["low_pass_filter"] = filters.into();
+            bind_strangers(&mut zenoh, &rules)?;
         }
     }
     Ok(RouterConfig {
@@ -198,6 +196,16 @@ pub(crate) fn router_config(cell: &Cell) -> anyhow::Result<RouterConfig> {
         connect: cell.bus.join.clone(),
         zenoh,
     })
+}
+
+/// Gives a router the rules for strangers, and the limit of their requests beside what its settings filter.
+pub(crate) fn bind_strangers(zenoh: &mut Value, rules: &Table) -> anyhow::Result<()> {
+    let own = zenoh.get("low_pass_filter").and_then(Value::as_array);
+    let mut filters = own.cloned().unwrap_or_default();
+    filters.push(serde_json::to_value(strangers::short_requests())?);
+    zenoh["low_pass_filter"] = filters.into();
+    zenoh["access_control"] = serde_json::to_value(rules)?;
+    Ok(())
 }
 
 /// Publishes the log of this process, and serves its settings as parameters, under the name of its node.

@@ -57,11 +57,14 @@ use terminal::{BAD_INPUT, FAILED, GOOD, LOSS};
 /// Default cell file.
 const DEFAULT_CELL: &str = terminal::cell_stream::DEFAULT_CELL;
 
-/// Version of this program and begin of its source revision: `0.1.0 (8d17e5fa)`.
+/// Version of this program, and its source revision.
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+const REVISION: &str = env!("PROBECELL_REVISION");
+
+/// Both, the revision by its begin: `0.1.0 (8d17e5fa)`.
 fn version() -> String {
-    let revision = env!("PROBECELL_REVISION");
-    let begin = revision.get(..8).unwrap_or(revision);
-    format!("{} ({begin})", env!("CARGO_PKG_VERSION"))
+    let begin = REVISION.get(..8).unwrap_or(REVISION);
+    format!("{VERSION} ({begin})")
 }
 
 fn main() -> ExitCode {

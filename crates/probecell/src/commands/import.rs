@@ -20,10 +20,7 @@ use exchange::units::Units;
 use session_io::import::name_of;
 use session_io::imported::{self, Source};
 
-use crate::{GOOD, LOSS, output};
-
-/// Source revision of this program, for what it writes.
-const REVISION: &str = env!("PROBECELL_REVISION");
+use crate::{GOOD, LOSS, REVISION, output};
 
 /// What is imported.
 #[derive(clap::Subcommand)]

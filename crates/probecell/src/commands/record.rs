@@ -521,8 +521,8 @@ fn provenance(cell: &Cell) -> BTreeMap<String, String> {
         .map(|(section, text)| (format!("config.{section}"), text))
         .collect();
     for (key, value) in [
-        ("version", env!("CARGO_PKG_VERSION")),
-        ("source_revision", env!("PROBECELL_REVISION")),
+        ("version", crate::VERSION),
+        ("source_revision", crate::REVISION),
     ] {
         table.insert(key.to_owned(), value.to_owned());
     }

@@ -75,7 +75,7 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
 /// messages have other fields.
 fn of_another_program(bag: &Bag) -> Vec<String> {
     let (version, revision) = embedded::program(bag);
-    let (own_version, own) = (env!("CARGO_PKG_VERSION"), env!("PROBECELL_REVISION"));
+    let (own_version, own) = (crate::VERSION, crate::REVISION);
     let mut lines = Vec::new();
     if !revision.is_empty() && (version.as_str(), revision.as_str()) != (own_version, own) {
         lines.push(format!(

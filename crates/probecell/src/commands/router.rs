@@ -12,7 +12,10 @@ use cell::{Cell, strangers};
 use host::bus::{Router, RouterConfig, Storage};
 
 use super::dashboard::buses;
-use crate::{GOOD, confined, output, own_socket::OwnSocket, ros_arguments::read_cell, signals};
+use crate::{
+    GOOD, cell_bus::bind_strangers, confined, output, own_socket::OwnSocket,
+    ros_arguments::read_cell, signals,
+};
 
 /// How often what is kept is written to disk.
 const WRITTEN: Duration = Duration::from_secs(10);
@@ -51,8 +54,7 @@ pub(crate) fn run(
         ..RouterConfig::default()
     };
     if to == Strangers::Read {
-        config.zenoh["access_control"] = serde_json::to_value(strangers::read_only())?;
-        config.zenoh["low_pass_filter"] = serde_json::to_value([strangers::short_requests()])?;
+        bind_strangers(&mut config.zenoh, &strangers::read_only())?;
         for endpoint in listen {
             let socket = OwnSocket::of(endpoint).context(
                 "the private socket of the router cannot be created: neither HOME nor XDG_STATE_HOME is set",

@@ -83,7 +83,7 @@ fn say(line: &Line) {
 fn say_cell(name: &str, cell: Option<&Cell>) {
     say(&Line::Cell(terminal::cell_stream::Cell {
         name: name.to_owned(),
-        version: env!("CARGO_PKG_VERSION").to_owned(),
+        version: crate::VERSION.to_owned(),
         is_simulated: cell.map(is_simulated),
     }));
 }
