@@ -15,7 +15,8 @@ use crate::linuxcnc::{
 };
 
 /// ns that the interpreter must have been idle before a program without its end in the log counts as over. The text of
-/// an error comes on another way than the state, and a program may be idle for a moment before it has begun.
+/// an error comes on another way than the state: an emergency stop may be told by "Queue is not empty after probing"
+/// before the state says so. A program may also be idle for a moment before it has begun.
 const SETTLE: i64 = 500_000_000;
 
 /// ns after which a measuring program in which nothing changes is given up: no move of it stands still.
@@ -192,12 +193,10 @@ impl Job {
         let settled = now - since >= SETTLE;
         match self.work {
             Work::Stop => Progress::Ended,
-            Work::Operation if !self.errors.is_empty() => Progress::BrokenOff,
-            Work::Operation if settled => Progress::Ended,
-            Work::Operation => Progress::Working,
             _ if self.ended => Progress::Ended,
-            _ if settled || !self.errors.is_empty() => Progress::BrokenOff,
-            _ => Progress::Working,
+            _ if !settled => Progress::Working,
+            Work::Operation if self.errors.is_empty() => Progress::Ended,
+            _ => Progress::BrokenOff,
         }
     }
 
