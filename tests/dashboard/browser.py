@@ -7,6 +7,8 @@ Cells are simulated and real in everything else; nothing waits but for a conditi
 told of recordings is compared with the readable twins beside the samples.
 """
 
+import csv
+import io
 import json
 import os
 import pathlib
@@ -207,6 +209,18 @@ def recordings(browser, folder, recorded):
             told = sum(at <= wanted for at in touches)
             wait(page, "(count) => document.querySelectorAll('#part g.touch').length === count", told)
             assert f"{wanted:.1f} s" in page.inner_text("#instant")
+        page.evaluate("document.activeElement.blur()")
+        page.evaluate("(t) => { const slider = document.getElementById('t'); slider.value = t; slider.dispatchEvent(new Event('input', { bubbles: true })); }", 8.0)
+        for key, instant in (("ArrowRight", 9.0), ("Shift+ArrowRight", 19.0), ("ArrowLeft", 18.0)):
+            page.keyboard.press(key)
+            wait(page, "(instant) => document.getElementById('instant').innerText.startsWith(instant)", f"{instant:.1f} s")
+        page.select_option("#speed", "4")
+        page.evaluate("document.activeElement.blur()")
+        page.keyboard.press(" ")
+        wait(page, "document.getElementById('play').innerText === 'Pause'")
+        wait(page, "document.getElementById('play').innerText === 'Play' && Number(document.getElementById('t').value) === Number(document.getElementById('t').max)")
+        wait(page, "(count) => document.querySelectorAll('#part g.touch').length === count", len({one["point_index"] for _, one in twin("punch", "touch_deviations") if one["plan_id"] == twin("punch", "inspection_plan")[-1][1]["plan_id"]}))
+        print("session: moved by keys, played to its end")
         assert page.evaluate("window.sameDocument")
         print("session: scrubbed forward and back, each time with as many touches as the twin has")
         with page.expect_download() as download:
@@ -217,7 +231,14 @@ def recordings(browser, folder, recorded):
             page.goto(f"http://{ADDRESS}/session/punch.mcap/{kind}")
             assert words in page.inner_text("body"), kind
         page.goto(f"http://{ADDRESS}/machines")
-        page.click("a[href='/machine/turn_mill']")
+        table = urllib.parse.unquote(page.get_attribute("a[download='causes.csv']", "href").split(",", 1)[1])
+        found = {(row["machine"], row["effect"], row["parameter"]): row["value"] for row in csv.DictReader(io.StringIO(table))}
+        for effect in json.loads(twin("punch_uncalibrated", "gap_report")[-1][1]["json"])["effects"]:
+            for one in effect["parameters"]:
+                assert float(found["turn_mill", effect["effect"], one["name"]]) == one["value"], (found, effect)
+        assert page.locator("table.matrix tbody tr").count() == page.locator(".listing li").count()
+        print(f"machines: {len(found)} sizes of causes by machine, as their recordings have them")
+        page.click(".listing a[href='/machine/turn_mill']")
         rows = page.locator("section[aria-labelledby=all-title] tbody tr").all_inner_texts()
         for sample in ("punch", "punch_uncalibrated"):
             gap = twin(sample, "gap_report")[-1][1]

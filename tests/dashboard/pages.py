@@ -179,6 +179,8 @@ class Browser:
         for scripts in (True, False):
             with self.page(scripts=scripts) as page:
                 page.goto(f"http://{ADDRESS}{path}")
+                if scripts:
+                    page.evaluate("document.querySelector('.playing')?.remove()")
                 text = page.inner_text("main")
                 # The button that takes the place of a script, and those that only a script serves.
                 for button in ("Show", "SVG", "In 3D"):

@@ -29,13 +29,21 @@ localise(document);
 const zone = document.getElementById("zone");
 if (zone && new Date().getTimezoneOffset()) zone.textContent = "Times are of your zone, UTC on hover.";
 
+/** Cards as the server told them last, and those out of sight that are to be shown when nothing is asked for any more. */
+const told = new Map(), later = new Map();
+
 /** Puts the part with this id in place of the present one. @param {string} id @param {string} html */
 function put(id, html) {
+  told.delete(id);
+  later.delete(id);
   const template = document.createElement("template");
   template.innerHTML = html;
-  const fresh = template.content.firstElementChild;
-  if (!fresh) return;
-  localise(template.content);
+  if (template.content.firstElementChild) set(id, template.content.firstElementChild);
+}
+
+/** @param {string} id @param {Element} fresh */
+function set(id, fresh) {
+  localise(fresh);
   const old = document.getElementById(id);
   if (!old) {
     if (!fresh.classList.contains("tile")) return;
@@ -124,8 +132,11 @@ let heard = performance.now();
 let cutSince = 0;
 let seen = body.dataset.seen ?? "";
 
+/** The address of the stream that is followed. */
+let followed = body.dataset.stream;
+
 function follow() {
-  const address = body.dataset.stream;
+  const address = followed = body.dataset.stream;
   if (!address) return;
   source?.close();
   source = new EventSource(address + (address.includes("?") ? "&" : "?") + "since=" + encodeURIComponent(seen));
@@ -180,21 +191,56 @@ if (body.dataset.stream) {
 
 // --- turning the part, and the timeline of a session ------------------------------------------------------------------
 
+/** The address that is being fetched, and the one to fetch next: of those asked for meanwhile, the last. */
+let fetched = "", next = "";
+const STILL_MS = 150;
+let still = 0;
+
 /** Fetches an address of this page and takes its parts over. @param {string} address */
-let asked = 0;
 async function take(address) {
-  const number = ++asked;
-  const answer = await fetch(address);
-  if (!answer.ok || number !== asked) return;
-  const fresh = new DOMParser().parseFromString(await answer.text(), "text/html");
-  localise(fresh);
+  if (fetched) { next = address; return; }
+  for (next = address; next;) {
+    [fetched, next] = [next, ""];
+    try {
+      const answer = await fetch(fetched);
+      if (answer.ok) show(new DOMParser().parseFromString(await answer.text(), "text/html"), fetched);
+    } catch { /* The connection is cut: said elsewhere. */ }
+    fetched = "";
+  }
+  clearTimeout(still);
+  still = setTimeout(() => {
+    later.forEach((card, id) => set(id, card));
+    later.clear();
+    if (body.dataset.stream !== followed) follow();
+  }, STILL_MS);
+}
+
+/** Whether a part of the page is on the screen. @param {string} id */
+function inSight(id) {
+  const place = document.getElementById(id)?.getBoundingClientRect();
+  return !place || (place.bottom >= 0 && place.top <= innerHeight);
+}
+
+/** @param {Document} fresh @param {string} address */
+function show(fresh, address) {
   const cards = fresh.querySelectorAll(".cards > .card");
   const at = document.getElementById("at");
-  if (at && (!cards.length || !document.querySelector(".cards"))) at.replaceWith(/** @type {Node} */ (fresh.getElementById("at")));
-  else cards.forEach((card) => put(card.id, card.outerHTML));
+  if (at && (!cards.length || !document.querySelector(".cards"))) {
+    localise(fresh);
+    at.replaceWith(/** @type {Node} */ (fresh.getElementById("at")));
+  } else for (const card of cards) {
+    const html = card.outerHTML;
+    if (told.get(card.id) === html) continue;
+    told.set(card.id, html);
+    later.delete(card.id);
+    if (inSight(card.id)) set(card.id, card);
+    else later.set(card.id, card);
+  }
   for (const id of ["instant", "sums", "tiles", "count", "listed"]) {
     const node = fresh.getElementById(id);
-    if (node) document.getElementById(id)?.replaceWith(node);
+    if (!node) continue;
+    localise(node);
+    document.getElementById(id)?.replaceWith(node);
   }
   const steps = fresh.querySelector(".timeline .steps");
   if (steps) document.querySelector(".timeline .steps")?.replaceWith(steps);
@@ -203,7 +249,7 @@ async function take(address) {
   if (stream && stream !== body.dataset.stream) {
     body.dataset.stream = stream;
     wanted = null;
-    follow();
+    source?.close();
   }
 }
 
@@ -234,14 +280,10 @@ addEventListener("click", (event) => {
 // --- choosing machines ------------------------------------------------------------------------------------------------
 
 const choose = /** @type {HTMLFormElement | null} */ (document.getElementById("choose"));
-let typed = 0;
 choose?.addEventListener("input", () => {
-  clearTimeout(typed);
-  typed = setTimeout(() => {
-    const address = new URLSearchParams(/** @type {any} */ (new FormData(choose)));
-    for (const [name, value] of [...address]) if (!value && name !== "dense") address.delete(name);
-    take(`${new URL(choose.action).pathname}${address.size ? "?" : ""}${address}`);
-  }, 60);
+  const address = new URLSearchParams(/** @type {any} */ (new FormData(choose)));
+  for (const [name, value] of [...address]) if (!value && name !== "dense") address.delete(name);
+  take(`${new URL(choose.action).pathname}${address.size ? "?" : ""}${address}`);
 });
 
 /** Recordings that the server had no time to read are asked for until none is left. */
@@ -273,12 +315,57 @@ addEventListener("keydown", (event) => {
 });
 
 const slider = /** @type {HTMLInputElement | null} */ (document.getElementById("t"));
-let scrubbing = 0;
-slider?.addEventListener("input", () => {
-  cancelAnimationFrame(scrubbing);
-  scrubbing = requestAnimationFrame(() => {
-    const address = new URL(location.href);
-    address.searchParams.set("t", slider.value);
-    take(address.pathname + address.search);
-  });
+const play = document.getElementById("play");
+/** While it plays: the instant on the timeline, s, and when that was. */
+let played = { at: 0, when: 0 }, playing = false;
+
+function scrub() {
+  const address = new URL(location.href);
+  address.searchParams.set("t", slider?.value ?? "");
+  take(address.pathname + address.search);
+}
+
+/** @param {number} to s */
+function moveTo(to) {
+  if (!slider) return;
+  slider.value = String(to);
+  played = { at: Number(slider.value), when: performance.now() };
+  scrub();
+}
+
+/** @param {boolean} on */
+function setPlaying(on) {
+  if (!slider || !play) return;
+  playing = on;
+  play.textContent = on ? "Pause" : "Play";
+  // From the end it plays anew.
+  played = { at: on && Number(slider.value) >= Number(slider.max) ? 0 : Number(slider.value), when: performance.now() };
+  if (on) requestAnimationFrame(goOn);
+}
+
+/** @param {number} now */
+function goOn(now) {
+  if (!playing || !slider) return;
+  const speed = Number(/** @type {HTMLSelectElement | null} */ (document.getElementById("speed"))?.value ?? 1);
+  const at = played.at + Math.max(0, now - played.when) / 1000 * speed;
+  played = { at, when: Math.max(now, played.when) };
+  slider.value = String(at);
+  const ended = at >= Number(slider.max);
+  if (ended || !fetched) scrub();
+  if (ended) setPlaying(false);
+  else requestAnimationFrame(goOn);
+}
+
+slider?.addEventListener("input", () => moveTo(Number(slider.value)));
+for (const one of document.querySelectorAll(".timeline [hidden]")) one.removeAttribute("hidden");
+play?.addEventListener("click", () => setPlaying(!playing));
+addEventListener("keydown", (event) => {
+  const from = /** @type {Element} */ (event.target);
+  if (!slider || event.ctrlKey || event.metaKey || event.altKey || from.closest("#part, button, select, summary, a, input:not(#t)")) return;
+  const step = event.shiftKey ? 10 : 1, at = Number(slider.value);
+  if (event.key === " ") setPlaying(!playing);
+  else if (event.key === "ArrowLeft") moveTo(at - step);
+  else if (event.key === "ArrowRight") moveTo(at + step);
+  else return;
+  event.preventDefault();
 });

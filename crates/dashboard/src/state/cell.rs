@@ -119,7 +119,7 @@ pub struct RunChartPoint {
 pub type Characteristic = (String, String, i64);
 
 /// What is known of one cell. Bounds: one plan, order, report and joint state; 64 corrections; 256 references; 48 faults and losses each; 200
-/// parts of 128 characteristics; the last 25 parts; a course of 96 intervals, trends of 16 places; results and touches of the plan only.
+/// parts of 128 characteristics; the last 25 parts; a course of 96 intervals, trends of 16 places and 32 signals; results and touches of the plan only.
 #[derive(Clone, Debug, Default)]
 pub struct CellState {
     /// Namespace without its first slash.
@@ -180,6 +180,8 @@ pub struct CellState {
     pub course: Course,
     /// Temperatures (°C) by place, feed override (%) and spindle speed (1/min).
     pub trends: BTreeMap<String, Trend>,
+    /// Signals of controllers beside the machine, with their units, by name.
+    pub signals: BTreeMap<String, (String, Trend)>,
     /// What it says that it does.
     pub(super) doing: Option<Doing>,
     pub(super) ledger: Ledger,

@@ -153,15 +153,25 @@ impl Course {
 /// A value over time: its mean over each interval.
 #[derive(Clone, Debug, Default)]
 pub struct Trend {
-    /// The newest value, in its own unit.
-    pub value: f64,
+    value: Option<f64>,
     by: Intervals<2>,
 }
 
 impl Trend {
+    /// Takes a value, in its own unit; none: it is not known any more.
+    pub(super) fn set(&mut self, value: Option<f64>) {
+        self.value = value;
+    }
+
+    /// The newest value, in its own unit, while it is known.
+    pub fn value(&self) -> Option<f64> {
+        self.value
+    }
+
     /// The value holds at an instant.
     pub(super) fn holds(&mut self, at: Stamp) {
-        self.by.says([self.value, 1.0], at);
+        self.by
+            .says(self.value.map_or([0.0; 2], |value| [value, 1.0]), at);
     }
 
     /// Middle of each interval in which the value is known, and its mean there.
@@ -244,15 +254,13 @@ mod tests {
 
     #[test]
     fn the_mean_of_an_interval_counts_each_value_for_as_long_as_it_held() {
-        let mut trend = Trend {
-            value: 20.0,
-            ..Trend::default()
-        };
+        let mut trend = Trend::default();
+        trend.set(Some(20.0));
         let second = |at: f64| Stamp(0).after_s(at);
         for tenth in 0..30 {
             trend.holds(second(0.1 * f64::from(tenth)));
         }
-        trend.value = 23.0;
+        trend.set(Some(23.0));
         for tenth in 30..=40 {
             trend.holds(second(0.1 * f64::from(tenth)));
         }

@@ -89,6 +89,7 @@ pub fn read_topics() -> Vec<graph::Topic> {
         topics::GAP_REPORT,
         topics::RECORDING_STATUS,
         topics::LOSS_REPORTS,
+        topics::SIGNALS,
     ];
     let faults = topics::ALL.iter().filter(|one| is_fault(one.name));
     wanted.into_iter().chain(faults.copied()).collect()

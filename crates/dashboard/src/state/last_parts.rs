@@ -30,7 +30,8 @@ impl CellState {
         if let Some(doing) = self.doing {
             self.course.says(doing, at);
         }
-        for trend in self.trends.values_mut() {
+        let signals = self.signals.values_mut().map(|(_, trend)| trend);
+        for trend in self.trends.values_mut().chain(signals) {
             trend.holds(at);
         }
     }

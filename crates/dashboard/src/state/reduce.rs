@@ -7,7 +7,9 @@ use graph::{Stamp, topics};
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, GapReport, InspectionPlan,
     LossReport, MachineState, MeasurementOrder, Message, PartReport, PartStatus, PassDecision,
-    PlanId, PlanProgress, RecordingStatus, TouchDeviation, Verdict, from_cdr, std_msgs,
+    PlanId, PlanProgress, RecordingStatus, TouchDeviation, Verdict,
+    diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
+    from_cdr, std_msgs,
 };
 
 use super::cell::{CellState, Characteristic, RunChartPoint, Section, Touch};
@@ -29,8 +31,9 @@ const TROUBLES: usize = 48;
 const ENDED: usize = 32;
 /// References kept.
 const REFERENCES: usize = 256;
-/// Places with a temperature whose trend is kept.
+/// Places with a temperature whose trend is kept, and signals of controllers beside the machine.
 const PLACES: usize = 16;
+const SIGNALS: usize = 32;
 /// Names of the trends of what is set on the machine; units as shown.
 const OVERRIDE: &str = "Feed override, %";
 const SPINDLE: &str = "Spindle, 1/min";
@@ -109,6 +112,10 @@ impl CellState {
                 self.recording = Some(status);
                 None
             }
+            n if n == topics::SIGNALS.name => {
+                self.signalled(&read(bytes)?);
+                None
+            }
             n if n == topics::LOSS_REPORTS.name => Some(self.lost(read(bytes)?, at)),
             n if n.ends_with("/faults") => Some(self.failed(read(bytes)?, at)),
             _ => None,
@@ -171,8 +178,36 @@ impl CellState {
             .retain(|name, _| values.contains_key(name.as_str()));
         for (name, value) in values.into_iter().filter(|(_, value)| value.is_finite()) {
             match self.trends.get_mut(name) {
-                Some(trend) => trend.value = value,
-                None => self.trends.entry(name.to_owned()).or_default().value = value,
+                Some(trend) => trend.set(Some(value)),
+                None => self
+                    .trends
+                    .entry(name.to_owned())
+                    .or_default()
+                    .set(Some(value)),
+            }
+        }
+    }
+
+    /// Takes readings of signals. One that cannot be read has no value until it can.
+    fn signalled(&mut self, readings: &DiagnosticArray) {
+        for one in &readings.status {
+            let text = |key: &str| {
+                let pair = one.values.iter().find(|pair| pair.key == key);
+                pair.map_or("", |pair| pair.value.as_str())
+            };
+            let value = (one.level == DiagnosticStatus::OK)
+                .then(|| text("value").parse().ok())
+                .flatten()
+                .filter(|value: &f64| value.is_finite());
+            let is_known = self.signals.contains_key(&one.name);
+            if !is_known && self.signals.len() == SIGNALS {
+                continue;
+            }
+            let (unit, trend) = self.signals.entry(one.name.clone()).or_default();
+            if !is_known || trend.value() != value {
+                text("unit").clone_into(unit);
+                trend.set(value);
+                self.changed(&[Section::Axes]);
             }
         }
     }

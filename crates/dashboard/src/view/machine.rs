@@ -16,20 +16,7 @@ use crate::state::Characteristic;
 use crate::trends::Months;
 use metrology::capability::{Capability, capability};
 
-/// Machines that have recordings: name, number of them, the newest.
-pub(crate) fn machines_page(machines: &BTreeMap<String, Vec<Summary>>, unread: usize) -> Markup {
-    let body = html! {
-        div.title { h1 { "Machines over time" } }
-        (still_reading(unread))
-        @if machines.is_empty() && unread == 0 { p.lead.empty { "No recording tells of a machine." } }
-        ul.listing { @for (name, sessions) in machines {
-            li { h2 { a href={ "/machine/" (name) } { (name) } } p { (counted(sessions.len(), "recording")) @if let Some(last) = sessions.last() { ", the newest of " (when(last.begin)) } } }
-        } }
-    };
-    whole("Machines over time", &body)
-}
-
-fn whole(title: &str, body: &Markup) -> Markup {
+pub(super) fn whole(title: &str, body: &Markup) -> Markup {
     let page = Frame {
         title,
         place: Place::Sessions,
@@ -40,7 +27,7 @@ fn whole(title: &str, body: &Markup) -> Markup {
     frame(&page, body)
 }
 
-fn still_reading(unread: usize) -> Markup {
+pub(super) fn still_reading(unread: usize) -> Markup {
     html! { @if unread > 0 { p.mark { (counted(unread, "recording")) " not read yet: load the page again." } } }
 }
 

@@ -228,25 +228,47 @@ pub(super) fn axes(cell: &CellState) -> Markup {
             }
         } @else { p.none { "No position of an axis has been received. Axes are read while a page of the cell is open, from its first view on." } }
         @if let Some(machine) = &machine {
-            table.axes {
-                thead { tr { th scope="col" { "Temperatures (°C), settings" } th.number scope="col" { "Now" } th scope="col" { "Trend" } } }
-                tbody {
-                    @for (name, of) in &cell.trends {
-                        tr { th scope="row" { (name) } td.number { (format!("{:.2}", of.value).replace('-', "−")) } td { (course(name, of)) } }
-                    }
-                }
-            }
+            (values("Temperatures (°C), settings", cell.trends.iter().map(|(name, of)| (name.clone(), of))))
+            @if !cell.signals.is_empty() { (values("Signals", signals(cell))) }
             @if !cell.trends.is_empty() { (save("trends", &["middle of interval/UTC", "of", "mean"], means(cell))) }
             dl.times { div { dt { "Tool" } dd { (machine.tool_number) } } }
         }
     }
 }
 
+/// Values now and over time.
+fn values<'a>(head: &str, of: impl Iterator<Item = (String, &'a Trend)>) -> Markup {
+    html! {
+        table.axes {
+            thead { tr { th scope="col" { (head) } th.number scope="col" { "Now" } th scope="col" { "Trend" } } }
+            tbody { @for (name, of) in of {
+                tr { th scope="row" { (name) } td.number { (of.value().map_or("–".to_owned(), shown)) } td { (course(&name, of)) } }
+            } }
+        }
+    }
+}
+
+/// A value of any unit: two decimals, or six digits.
+fn shown(value: f64) -> String {
+    let digits = if value.abs() < 1e4 { 2 } else { 0 };
+    format!("{value:.digits$}").replace('-', "−")
+}
+
+/// Signals with their units; a temperature is among those of the machine.
+fn signals(cell: &CellState) -> impl Iterator<Item = (String, &Trend)> {
+    let own = (cell.signals.iter()).filter(|(name, _)| !cell.trends.contains_key(*name));
+    own.map(|(name, (unit, of))| match unit.as_str() {
+        "" | "1" => (name.clone(), of),
+        unit => (format!("{name}, {unit}"), of),
+    })
+}
+
 /// Means of each trend, a row for each interval.
 fn means(cell: &CellState) -> impl Iterator<Item = Vec<String>> {
-    cell.trends.iter().flat_map(|(name, of)| {
+    let all = cell.trends.iter().map(|(name, of)| (name.clone(), of));
+    all.chain(signals(cell)).flat_map(|(name, of)| {
         of.means()
-            .map(|(at, mean)| vec![date(at), name.clone(), number(Some(mean), 1.0)])
+            .map(move |(at, mean)| vec![date(at), name.clone(), number(Some(mean), 1.0)])
     })
 }
 
@@ -262,7 +284,7 @@ fn course(name: &str, of: &Trend) -> Markup {
     let (span_s, room) = (last.0.since_s(first.0).max(1e-9), ends.1 - ends.0);
     // What does not change runs through the middle.
     let share = |value: f64| {
-        if room > 1e-6 {
+        if room > 1e-6 * ends.1.abs().max(1.0) {
             (value - ends.0) / room
         } else {
             0.5
@@ -275,9 +297,9 @@ fn course(name: &str, of: &Trend) -> Markup {
         })
         .collect();
     let said = format!(
-        "{name} from {:.1} to {:.1} over {}",
-        ends.0,
-        ends.1,
+        "{name} from {} to {} over {}",
+        shown(ends.0),
+        shown(ends.1),
         span(span_s)
     );
     html! {

@@ -67,11 +67,18 @@ pub fn session_page(session: &SessionView<'_>) -> Markup {
             output #instant for="t" { b { (format!("{at:.1} s")) } " of " (format!("{length:.1} s")) ", " (moment(session.at)) }
             input #t name="t" type="range" min="0" max=(format!("{length:.2}")) step="0.05" value=(format!("{at:.2}"));
             (marks(session.marks, length))
-            div.steps {
-                @for (text, to) in [("Begin", 0.0), ("− 10 s", (at - 10.0).max(0.0)), ("− 1 s", (at - 1.0).max(0.0)), ("+ 1 s", (at + 1.0).min(length)), ("+ 10 s", (at + 10.0).min(length)), ("End", length)] {
-                    a.button href={ "/session/" (name) "?t=" (format!("{to:.2}")) } { (text) }
+            div.controls {
+                div.playing hidden {
+                    button #play type="button" title="Space plays and pauses; ← and → move by 1 s, with Shift by 10 s" { "Play" }
+                    label for="speed" { "Speed" }
+                    select #speed { @for speed in [1, 4, 16, 64] { option value=(speed) { (speed) " ×" } } }
                 }
-                noscript { button type="submit" { "Show" } }
+                div.steps {
+                    @for (text, to) in [("Begin", 0.0), ("− 10 s", (at - 10.0).max(0.0)), ("− 1 s", (at - 1.0).max(0.0)), ("+ 1 s", (at + 1.0).min(length)), ("+ 10 s", (at + 10.0).min(length)), ("End", length)] {
+                        a.button href={ "/session/" (name) "?t=" (format!("{to:.2}")) } { (text) }
+                    }
+                    noscript { button type="submit" { "Show" } }
+                }
             }
         }
         div #at {

@@ -5,7 +5,9 @@ use dashboard::view::{Choice, View, hall_csv, hall_page, section, tile};
 use graph::Stamp;
 use probecell_msgs::{
     FeatureResult, InspectionFeature, InspectionPlan, MachineState, Order, Orders, PartStatus,
-    Verdict, to_cdr,
+    Verdict,
+    diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue},
+    to_cdr,
 };
 
 const TOLERANCE: f64 = 10e-6;
@@ -105,6 +107,70 @@ fn the_page_of_a_cell_lists_its_orders_and_why_they_are_held() {
     orders.orders.clear();
     hall.apply("/mill/orders", &to_cdr(&orders), begin());
     assert!(!page(&hall).contains("Orders"));
+}
+
+#[test]
+fn signals_of_a_plc_are_drawn_over_time_and_one_that_fails_has_no_value() {
+    let mut hall = Hall::default();
+    let reading = |name: &str, value: Option<f64>| {
+        let pair = |key: &str, value: String| KeyValue {
+            key: key.to_owned(),
+            value,
+        };
+        let mut values = vec![pair("unit", "Pa".to_owned())];
+        values.extend(value.map(|value| pair("value", value.to_string())));
+        let level = if value.is_some() {
+            DiagnosticStatus::OK
+        } else {
+            DiagnosticStatus::ERROR
+        };
+        to_cdr(&DiagnosticArray {
+            status: vec![DiagnosticStatus {
+                level,
+                name: name.to_owned(),
+                values,
+                ..DiagnosticStatus::default()
+            }],
+            ..DiagnosticArray::default()
+        })
+    };
+    let state = MachineState {
+        temperature_names: vec!["coolant".to_owned()],
+        temperatures: vec![21.5],
+        ..MachineState::default()
+    };
+    for second in 0..600 {
+        let at = begin().after_s(f64::from(second));
+        hall.apply("/mill/machine_state", &to_cdr(&state), at);
+        let pressure = (second < 300).then_some(6e6 - 1e3 * f64::from(second));
+        hall.apply("/mill/signals", &reading("hydraulics", pressure), at);
+        hall.apply("/mill/signals", &reading("coolant", Some(21.5)), at);
+    }
+    let cell = hall.cell("mill").expect("a cell");
+    let means: Vec<_> = cell.signals["hydraulics"].1.means().collect();
+    let first = begin().after_s(0.0);
+    assert!(means.len() > 20, "{means:?}");
+    for (at, mean) in means {
+        // It falls by 1 kPa each second, and holds its last value for one more.
+        let expected = 6e6 - 1e3 * (at.since_s(first) - 0.5);
+        assert!((mean - expected).abs() < 2e3, "{mean} {expected}");
+        assert!(at.since_s(first) < 300.0);
+    }
+    let page = section(
+        Section::Axes,
+        cell,
+        &hall,
+        begin(),
+        View::default(),
+        "/cell/mill",
+    )
+    .into_string();
+    assert!(
+        page.contains("hydraulics, Pa</th><td class=\"number\">–"),
+        "{page}"
+    );
+    assert!(page.contains("hydraulics, Pa from 57"), "{page}");
+    assert_eq!(page.matches("coolant</th>").count(), 1, "{page}");
 }
 
 #[test]

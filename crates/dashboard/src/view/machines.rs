@@ -1,0 +1,153 @@
+//! Machines that have recordings, and the causes that they share.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use effects::vocabulary;
+use maud::{Markup, html};
+
+use super::effects::displayed;
+use super::machine::{still_reading, whole};
+use super::numbers::{counted, when};
+use super::save::save;
+use crate::history::{Found, Summary};
+
+/// Machines by name, each with what its recordings say in the order of time.
+type Machines = BTreeMap<String, Vec<Summary>>;
+
+/// Causes that have a column: those of most machines.
+const COLUMNS: usize = 12;
+
+/// Machines that have recordings: name, number of them, the newest; and which causes were found on which.
+pub(crate) fn machines_page(machines: &Machines, unread: usize) -> Markup {
+    let body = html! {
+        div.title { h1 { "Machines over time" } }
+        (still_reading(unread))
+        @if machines.is_empty() && unread == 0 { p.lead.empty { "No recording tells of a machine." } }
+        ul.listing { @for (name, sessions) in machines {
+            li { h2 { a href={ "/machine/" (name) } { (name) } } p { (counted(sessions.len(), "recording")) @if let Some(last) = sessions.last() { ", the newest of " (when(last.begin)) } } }
+        } }
+        (causes(machines))
+    };
+    whole("Machines over time", &body)
+}
+
+/// What the sessions of a machine have found of an effect.
+struct Share<'a> {
+    /// Sessions that have found it, and all that have a gap report.
+    sessions: (usize, usize),
+    /// Its parameters in the newest of them.
+    newest: Vec<(&'a (String, String), &'a Found)>,
+    /// It was found in the newest session that has a gap report.
+    is_present: bool,
+}
+
+impl<'a> Share<'a> {
+    fn of(effect: &str, sessions: &'a [Summary]) -> Option<Self> {
+        let found = |one: &'a Summary| -> Vec<(&'a (String, String), &'a Found)> {
+            let all = one.effects.iter();
+            all.filter(|(of, _)| of.0 == effect).collect()
+        };
+        let judged: Vec<_> = (sessions.iter())
+            .filter(|one| one.ratio.is_some())
+            .map(found)
+            .collect();
+        let newest = judged.iter().rfind(|one| !one.is_empty())?.clone();
+        Some(Self {
+            sessions: (
+                judged.iter().filter(|one| !one.is_empty()).count(),
+                judged.len(),
+            ),
+            is_present: judged.last().is_some_and(|one| !one.is_empty()),
+            newest,
+        })
+    }
+
+    fn sizes(&self) -> String {
+        // What was not estimated, as the place of a bow on its axis, says nothing of its size.
+        let each = self
+            .newest
+            .iter()
+            .filter(|(_, one)| one.ci95[0] < one.ci95[1]);
+        let each = each.map(|(of, one)| displayed(of, one.value, &one.unit, Some(one.ci95)));
+        each.collect::<Vec<_>>().join(" · ")
+    }
+
+    /// Causes that the newest session cannot distinguish.
+    fn group(&self) -> usize {
+        self.newest
+            .iter()
+            .map(|(_, one)| one.group)
+            .max()
+            .unwrap_or(1)
+    }
+}
+
+/// Machines by causes: who shares a fault.
+fn causes(machines: &Machines) -> Markup {
+    let all: BTreeSet<&str> = (machines.values().flatten())
+        .flat_map(|one| one.effects.keys())
+        .map(|of| of.0.as_str())
+        .collect();
+    let mut columns: Vec<(&str, Vec<Option<Share<'_>>>)> = (all.into_iter())
+        .map(|effect| {
+            let shares = machines.values().map(|one| Share::of(effect, one));
+            (effect, shares.collect())
+        })
+        .collect();
+    let count = |column: &[Option<Share<'_>>]| column.iter().flatten().count();
+    columns.sort_by_key(|(_, column)| std::cmp::Reverse(count(column)));
+    let rare = columns.len().saturating_sub(COLUMNS);
+    columns.truncate(COLUMNS);
+    html! {
+        @if !columns.is_empty() {
+            section.card aria-labelledby="causes-title" {
+                h2 #causes-title { "Causes by machine" }
+                p.note { "Size in the newest session that found the cause, and in how many sessions it was found; bold where the newest session found it." @if rare > 0 { " " (counted(rare, "cause")) " of fewer machines: see their pages." } }
+                div.scroll tabindex="0" role="group" aria-label="Table of causes by machine" { table.matrix {
+                    thead { tr { th scope="col" { "Machine" } @for (effect, column) in &columns { th scope="col" { (vocabulary::describe(effect)) br; small { (counted(count(column), "machine")) } } } } }
+                    tbody { @for (row, name) in machines.keys().enumerate() { tr {
+                        th scope="row" { a href={ "/machine/" (name) } { (name) } }
+                        @for (_, column) in &columns { td { @if let Some(one) = &column[row] { (cell(one)) } @else { span aria-label="not found" { "–" } } } }
+                    } } }
+                } }
+                (save("causes", &["machine", "effect", "parameter", "value", "unit", "low", "high", "found in sessions", "of sessions"], rows(machines, &columns)))
+            }
+        }
+    }
+}
+
+fn cell(one: &Share<'_>) -> Markup {
+    let (found, of) = one.sessions;
+    html! {
+        @if one.is_present { b { (one.sizes()) } } @else { (one.sizes()) }
+        small { (found) " of " (counted(of, "session")) @if one.group() > 1 { ", one of " (one.group()) " causes" } }
+    }
+}
+
+fn rows<'a>(
+    machines: &'a Machines,
+    columns: &'a [(&str, Vec<Option<Share<'a>>>)],
+) -> impl Iterator<Item = Vec<String>> {
+    columns.iter().flat_map(|(effect, column)| {
+        machines.keys().zip(column).flat_map(|(name, share)| {
+            share.iter().flat_map(|share| {
+                share.newest.iter().map(|(of, one)| {
+                    let numbers = [one.ci95[0], one.ci95[1]].map(|end| end.to_string());
+                    let [low, high] = numbers;
+                    let (found, all) = share.sessions;
+                    vec![
+                        name.clone(),
+                        (*effect).to_owned(),
+                        of.1.clone(),
+                        one.value.to_string(),
+                        one.unit.clone(),
+                        low,
+                        high,
+                        found.to_string(),
+                        all.to_string(),
+                    ]
+                })
+            })
+        })
+    })
+}
