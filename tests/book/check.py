@@ -159,7 +159,7 @@ class Background:
 
 def search_path():
     """Where the commands of a page are looked for."""
-    places = [PROGRAM.parent, pathlib.Path(sys.executable).parent, ROOT / "fleet" / "target" / "release"]
+    places = [PROGRAM.parent, pathlib.Path(sys.executable).parent]
     return ":".join([*map(str, places), os.environ["PATH"]])
 
 

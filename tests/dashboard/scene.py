@@ -12,8 +12,10 @@ import math
 import os
 import re
 import shutil
+from xml.etree import ElementTree
 
-from pages import ADDRESS, ENDS, PICTURES, SAMPLES, WIDTHS, Browser, axe, cell_file, started, twin, wait
+import numpy as np
+from pages import ADDRESS, ENDS, PICTURES, ROOT, SAMPLES, WIDTHS, Browser, axe, cell_file, started, twin, wait
 from playwright.sync_api import sync_playwright
 
 import kit
@@ -30,6 +32,17 @@ POSES = """() => { window.poses = []; new MutationObserver(() => {
 }).observe(document.querySelector('#part canvas'), { attributes: true, attributeFilter: ['data-mount'] }); }"""
 
 
+ARM = ROOT / "launch-scripts" / "robot_arm.urdf"
+MOVED = """async (poses) => {
+    const axes = document.querySelector('#axes [data-joints]'), drawn = [];
+    for (const pose of poses) {
+        axes.dataset.joints = JSON.stringify(pose);
+        dispatchEvent(new Event('put'));
+        await new Promise(requestAnimationFrame);
+        drawn.push(document.querySelector('#part canvas').dataset.mount);
+    }
+    return drawn;
+}"""
 SCRUBBED = """async () => {
     const slider = document.getElementById('t'), steps = 20, begun = performance.now();
     for (let step = 0; step < steps; step += 1) {
@@ -44,6 +57,63 @@ SCRUBBED = """async () => {
 def mount(axes):
     """Of turn_mill.urdf: Z at 0.2 m along z, on it X at 0.1 m along x, on it Y; the part turns about C and carries none of these."""
     return axes["X"] + 0.1, axes["Y"], axes["Z"] + 0.2
+
+
+def chain(urdf, link):
+    """Joints from the root to a link: fixed transformation, kind and axis of each."""
+    carried = {one.find("child").get("link"): one for one in ElementTree.parse(urdf).getroot().findall("joint")}
+    found = []
+    while link in carried:
+        one = carried[link]
+        origin, axis = one.find("origin"), one.find("axis")
+        roll, pitch, yaw = numbers(origin, "rpy", (0, 0, 0))
+        fixed = np.eye(4)
+        fixed[:3, :3] = turn((0, 0, 1), yaw) @ turn((0, 1, 0), pitch) @ turn((1, 0, 0), roll)
+        fixed[:3, 3] = numbers(origin, "xyz", (0, 0, 0))
+        found.insert(0, (one.get("name"), one.get("type"), fixed, numbers(axis, "xyz", (1, 0, 0))))
+        link = one.find("parent").get("link")
+    return found
+
+
+def numbers(element, name, standard):
+    text = None if element is None else element.get(name)
+    return np.array(text.split() if text else standard, dtype=float)
+
+
+def turn(axis, angle):
+    """Rotation matrix after Rodrigues."""
+    x, y, z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+def place(joints, axes):
+    whole = np.eye(4)
+    for name, kind, fixed, axis in joints:
+        moved = np.eye(4)
+        if kind == "prismatic":
+            moved[:3, 3] = axes[name] * axis
+        elif kind != "fixed":
+            moved[:3, :3] = turn(axis, axes[name])
+        whole = whole @ fixed @ moved
+    return whole[:3, 3]
+
+
+def arm(browser):
+    """A six-axis arm in a thousand poses: the frame of its probe is drawn where the chain of its description has it."""
+    joints = chain(ARM, "probe_mount")
+    names = [name for name, kind, *_ in joints if kind != "fixed"]
+    random = np.random.default_rng(7)
+    poses = [dict(zip(names, map(float, random.uniform(-math.pi, math.pi, len(names))))) for _ in range(1000)]
+    with browser.page("390") as page:
+        page.route("**/description*", lambda route: route.fulfill(body=ARM.read_text(), content_type="text/plain"))
+        page.goto(f"http://{ADDRESS}/session/punch.mcap")
+        wait(page, ASKED)
+        wait(page, DRAWN)
+        drawn = page.evaluate(MOVED, poses)
+    far = [np.linalg.norm(np.array(one.split(), dtype=float) - place(joints, axes)) for one, axes in zip(drawn, poses)]
+    assert len(names) == 6 and len(set(drawn)) == len(poses) and max(far) < 2e-6, (names, max(far))
+    print(f"3D: {len(poses)} poses of an arm drawn where its chain has them, at most {max(far) * 1e6:.1f} µm away")
 
 
 def posed(page):
@@ -141,6 +211,7 @@ def session(browser, folder):
         valued(page, touches, plan)
         rate, steps = page.evaluate(SCRUBBED)
         print(f"3D: {steps} instants of a session, each drawn by the processor, at {rate:.0f} a second")
+    arm(browser)
     server.end()
 
 

@@ -15,6 +15,7 @@ pub(crate) mod wording;
 pub use cell::{Attention, CellState, Characteristic, RunChartPoint, Section, Touch};
 pub use course::{Course, Doing, INTERVALS, LAST_PARTS, LastPart, Trend};
 pub use events::{Event, EventKind};
+pub(crate) use hall::by_name;
 pub(crate) use hall::{Differs, is_read, machine_state, split};
 pub use hall::{Hall, kept_topics, read_topics};
 pub use ledger::{Achieved, Entry};

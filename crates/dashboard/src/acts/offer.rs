@@ -211,7 +211,7 @@ fn next(cell: &CellState, key: PublicKey, number: &str) -> Result<Proposal, Stri
         .supplement(known.supplement_number() + 1)
         .to_string();
     let what = format!(
-        "Take the proposed touches in cell {}, plan {plan_id}: {:.0} % chance that one explanation remains",
+        "Take the proposed touches in cell {}, plan {plan_id}: {:.0} % chance that one cause remains",
         cell.name,
         proposal.chance * 100.0
     );

@@ -492,10 +492,12 @@ fn open_in(report: &Report) -> Option<String> {
     }
     if let Some(rivals) = report.effects.iter().find(|one| one.group.len() > 1) {
         let causes = rivals.group.len();
-        let touches = report.next_measurement.iter().map(|one| one.points.len());
-        return Some(match touches.max() {
-            Some(count) if count > 0 => {
-                format!("{count} touches would decide between {causes} causes")
+        let proposed = report.next_measurement.iter();
+        let proposed = proposed.max_by_key(|one| one.points.len());
+        return Some(match proposed.map(|one| (one.points.len(), one.chance)) {
+            Some((count, chance)) if count > 0 => {
+                let will = if chance < 0.5 { "may" } else { "would" };
+                format!("{count} touches {will} decide between {causes} causes")
             }
             _ => format!("no touch decides between {causes} causes"),
         });

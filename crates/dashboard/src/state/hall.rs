@@ -99,6 +99,22 @@ fn is_fault(name: &str) -> bool {
     name.ends_with("/faults")
 }
 
+/// The key by which names are sorted: `cell_9` before `cell_10`.
+pub(crate) fn by_name(name: &str) -> (Vec<(String, u64)>, String) {
+    let is_number = char::is_ascii_digit;
+    let mut key = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let number = rest.find(|one| is_number(&one)).unwrap_or(rest.len());
+        let (text, tail) = rest.split_at(number);
+        let end = tail.find(|one| !is_number(&one)).unwrap_or(tail.len());
+        let (digits, tail) = tail.split_at(end);
+        key.push((text.to_owned(), digits.parse().unwrap_or(u64::MAX)));
+        rest = tail;
+    }
+    (key, name.to_owned())
+}
+
 /// Name of the cell, and of the topic below it.
 pub(crate) fn split(topic: &str) -> Option<(&str, &str)> {
     let topic = topic.trim_start_matches('/');
@@ -288,7 +304,7 @@ impl Hall {
             .map(|one| (one.attention(now).0, !one.is_stale(now), one))
             .collect();
         // Of those to be looked at a silent one stands first.
-        cells.sort_by(|a, b| (a.0, a.1, &a.2.name).cmp(&(b.0, b.1, &b.2.name)));
+        cells.sort_by_cached_key(|one| (one.0, one.1, by_name(&one.2.name)));
         cells.into_iter().map(|(.., cell)| cell).collect()
     }
 

@@ -6,7 +6,7 @@ use serde::Deserialize;
 use super::doing::{attention_of, doing};
 use super::save::encoded;
 use super::tile::cause;
-use crate::state::{Attention, CellState, Hall};
+use crate::state::{Attention, CellState, Hall, by_name};
 
 /// Letters of a search that are looked at.
 const WORDS: usize = 64;
@@ -132,7 +132,7 @@ impl Choice {
             "gap" => {
                 cells.sort_by(|a, b| largest(a.gap_ratio()).total_cmp(&largest(b.gap_ratio())));
             }
-            "name" => cells.sort_by(|a, b| a.name.cmp(&b.name)),
+            "name" => cells.sort_by_cached_key(|one| by_name(&one.name)),
             _ => {}
         }
         cells

@@ -44,14 +44,14 @@ pub fn compare_page(a: &Compared<'_>, b: &Compared<'_>) -> Markup {
         section.card aria-labelledby="summary-title" {
             h2 #summary-title { "Summary" }
             div.scroll tabindex="0" role="region" aria-label="Summary of both sessions" { table.compare {
-                thead { tr { td {} @for one in [a, b] { th scope="col" { a href={ "/session/" (one.listed.name) } { (readable(&one.listed.name)) } } } } }
+                thead { tr { td {} @for (side, one) in [("A", a), ("B", b)] { th scope="col" { (side) " " a href={ "/session/" (one.listed.name) } { (readable(&one.listed.name)) } } } } }
                 tbody {
                     tr { th scope="row" { "Begin" } @for one in [a, b] { td { (begin(one)) } } }
                     tr { th scope="row" { "Duration" } @for one in [a, b] { td { (length(one)) } } }
                     tr { th scope="row" { "Parts" } @for one in [a, b] { td { (parts(one.cell)) } } }
                     tr { th scope="row" { "Touches" } @for one in [a, b] { td { (one.cell.touch_count) } } }
                     tr { th scope="row" { "Gap" } @for one in [a, b] { td { (gap(one.cell)) } } }
-                    tr { th scope="row" { "Causes" } @for one in [a, b] { td { (causes(one.cell)) } } }
+                    tr { th scope="row" { "Causes" } @for (one, other) in [(a, b), (b, a)] { td { (causes(one.cell, other.cell)) } } }
                     tr { th scope="row" { "Corrections" } @for one in [a, b] { td { (one.cell.corrections().count()) } } }
                     tr { th scope="row" { "Faults" } @for one in [a, b] { td { (one.cell.faults.len()) } } }
                 }
@@ -136,7 +136,7 @@ fn touches(a: &CellState, b: &CellState) -> Markup {
             section.card aria-labelledby="touches-title" {
                 h2 #touches-title { "Deviation of each touch" }
                 figure {
-                    figcaption { "○ A, ● B · " (both.len()) " touches that both have" }
+                    figcaption { "○ A, ● B · " (both.len()) " touches that both have, µm" }
                     svg.run viewBox={ "0 0 " (WIDTH) " " (2.0 * MIDDLE + 16.0) } role="img" aria-label="Deviation of each touch in both sessions" {
                         line.nominal x1=(LEFT) x2=(WIDTH) y1=(y(0.0)) y2=(y(0.0)) {}
                         @for value in [most, 0.0, -most] { text.axis x=(LEFT - 5.0) y=(y(value) + 4.0) text-anchor="end" { (signed_um(value)) } }
@@ -146,7 +146,7 @@ fn touches(a: &CellState, b: &CellState) -> Markup {
                         }
                         @for (at, (place, [a, b])) in both.iter().enumerate() {
                             line.spread x1=(x(at)) x2=(x(at)) y1=(y(*a)) y2=(y(*b)) {}
-                            circle.open cx=(x(at)) cy=(y(*a)) r="3" {}
+                            circle.open cx=(x(at)) cy=(y(*a)) r="5" {}
                             circle.value cx=(x(at)) cy=(y(*b)) r="3" { title { (place.0) " " (place.1) ": " (signed_um(*a)) " → " (signed_um(*b)) " µm" } }
                         }
                     }
@@ -194,13 +194,14 @@ fn gap(cell: &CellState) -> String {
     )
 }
 
-fn causes(cell: &CellState) -> Markup {
-    let names = group(cell);
+/// Causes of a gap; bold what the other session does not name.
+fn causes(cell: &CellState, other: &CellState) -> Markup {
+    let (names, others) = (group(cell), group(other));
     html! {
         @match names.as_slice() {
             [] => "none",
             [one] => (one),
-            several => { "one of " (several.len()) ul.group { @for one in several { li { (one) } } } }
+            several => { "one of " (several.len()) ul.group { @for one in several { li { @if others.contains(one) { (one) } @else { b { (one) } small { "only here" } } } } } }
         }
     }
 }

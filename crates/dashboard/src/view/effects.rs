@@ -38,7 +38,9 @@ pub(super) fn displayed(
 /// The end of an axis: to two digits of what the axis spans.
 fn tick(of: &(String, String), value: f64, span: f64, unit: &str) -> String {
     let step = 10_f64.powf(span.log10().floor() - 1.0);
-    displayed(of, (value / step).round() * step, unit, None)
+    let text = displayed(of, (value / step).round() * step, unit, None);
+    let quantity = text.split_once(" = ").map(|(_, quantity)| quantity);
+    quantity.unwrap_or(&text).to_owned()
 }
 
 /// What the charts of effects show.

@@ -111,7 +111,7 @@ fn steps(report: &Report) -> Vec<Step> {
     if is_ambiguous {
         let text = if let Some(next) = touches {
             html! {
-                b { "Take the " (next.points.len()) " touches below" } ": they decide between causes of " (share(of_rivals)) "."
+                b { "Take the " (next.points.len()) " touches below" } ": " (format!("{:.0} %", next.chance * 100.0)) " chance that one cause remains of those that make " (share(of_rivals)) "."
             }
         } else {
             html! {
@@ -202,7 +202,7 @@ fn next(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
     html! {
         @for (number, next) in report.next_measurement.iter().enumerate() {
             details.next open[!no_gap] {
-                summary { b { (if no_gap { "To be surer still, measure next" } else { "Measure next" }) } " " (counted_touches(next.points.len())) ": " (format!("{:.0} %", next.chance * 100.0)) " chance that one explanation remains" }
+                summary { b { (if no_gap { "To be surer still, measure next" } else { "Measure next" }) } " " (counted_touches(next.points.len())) ": " (format!("{:.0} %", next.chance * 100.0)) " chance that one cause remains" }
                 (points(next))
                 @if !next.inseparable.is_empty() {
                     p.note { "No reachable touch tells these apart:" }

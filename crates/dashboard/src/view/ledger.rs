@@ -55,7 +55,7 @@ fn course(cell: &CellState) -> Markup {
     html! {
         @if made.len() > 1 {
             figure {
-                figcaption { b { "Error before and after" } " · " (helped.count()) " of " (made.len()) " corrections reduced it" }
+                figcaption { b { "Error before and after, µm" } " · " (helped.count()) " of " (made.len()) " corrections reduced it" }
                 svg.run viewBox={ "0 0 " (WIDTH) " " (2.0 * HALF + 16.0) } role="img" aria-label="Error before and after each correction" {
                     line.nominal x1=(LEFT) x2=(WIDTH) y1=(y(0.0)) y2=(y(0.0)) {}
                     @for error in [most, 0.0, -most] { text.axis x=(LEFT - 5.0) y=(y(error) + 4.0) text-anchor="end" { (signed_um(error)) } }

@@ -95,6 +95,10 @@ fn causes(machines: &Machines) -> Markup {
         })
         .collect();
     let count = |column: &[Option<Share<'_>>]| column.iter().flatten().count();
+    let alone = |column: &[Option<Share<'_>>]| {
+        let shares = column.iter().flatten();
+        shares.filter(|one| one.group() == 1).count()
+    };
     columns.sort_by_key(|(_, column)| std::cmp::Reverse(count(column)));
     let rare = columns.len().saturating_sub(COLUMNS);
     columns.truncate(COLUMNS);
@@ -102,9 +106,9 @@ fn causes(machines: &Machines) -> Markup {
         @if !columns.is_empty() {
             section.card aria-labelledby="causes-title" {
                 h2 #causes-title { "Causes by machine" }
-                p.note { "Size in the newest session that found the cause, and in how many sessions it was found; bold where the newest session found it." @if rare > 0 { " " (counted(rare, "cause")) " of fewer machines: see their pages." } }
+                p.note { "Size in the newest session that found the cause, and in how many sessions it was found; bold where the newest session found it and nothing else can be it." @if rare > 0 { " " (counted(rare, "cause")) " of fewer machines: see their pages." } }
                 div.scroll tabindex="0" role="group" aria-label="Table of causes by machine" { table.matrix {
-                    thead { tr { th scope="col" { "Machine" } @for (effect, column) in &columns { th scope="col" { (vocabulary::describe(effect)) br; small { (counted(count(column), "machine")) } } } } }
+                    thead { tr { th scope="col" { "Machine" } @for (effect, column) in &columns { th scope="col" { (vocabulary::describe(effect)) br; small { (counted(count(column), "machine")) ", sure on " (alone(column)) } } } } }
                     tbody { @for (row, name) in machines.keys().enumerate() { tr {
                         th scope="row" { a href={ "/machine/" (name) } { (name) } }
                         @for (_, column) in &columns { td { @if let Some(one) = &column[row] { (cell(one)) } @else { span aria-label="not found" { "–" } } } }
@@ -119,7 +123,7 @@ fn causes(machines: &Machines) -> Markup {
 fn cell(one: &Share<'_>) -> Markup {
     let (found, of) = one.sessions;
     html! {
-        @if one.is_present { b { (one.sizes()) } } @else { (one.sizes()) }
+        @if one.is_present && one.group() == 1 { b { (one.sizes()) } } @else { (one.sizes()) }
         small { (found) " of " (counted(of, "session")) @if one.group() > 1 { ", one of " (one.group()) " causes" } }
     }
 }

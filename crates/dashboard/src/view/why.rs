@@ -51,7 +51,7 @@ fn steps(report: &Report) -> Vec<Step> {
         from: 0.0,
         to,
     };
-    let mut steps = vec![whole("Gap", "value", report.gap.rms)];
+    let mut steps = vec![whole("Gap, µm rms", "value", report.gap.rms)];
     for effect in report.effects.iter().take(CAUSES) {
         let words = effect.words();
         let others = effect.group.len().saturating_sub(1);
