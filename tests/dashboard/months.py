@@ -159,6 +159,12 @@ def main(folder):
             page.goto(f"http://{ADDRESS}/machine/turn_mill")
             compare(page, sorted(made.glob("week_*.mcap")))
         browser.audit("/machine/turn_mill", "machine")
+        with browser.page() as page:
+            page.goto(f"http://{ADDRESS}/machine/turn_mill")
+            (told,) = [row for row in page.locator("section[aria-labelledby=changes-title] li.unsure").all_inner_texts()]
+            page.goto(f"http://{ADDRESS}/machines")
+            assert page.locator(".listing li.unsure").all_inner_texts() == [told], told
+        print("machines: the change of the machine, as its own page tells it")
         server.end()
         chromium.close()
 

@@ -109,10 +109,12 @@ pub(super) async fn session_description(shared: Shared, name: String, look: Look
 pub(super) async fn machines(shared: Shared) -> Response {
     blocking(move || {
         let (mut machines, unread) = shared.recordings.machines();
-        for name in shared.trends.machines().iter().flat_map(|all| all.keys()) {
+        // A lake that cannot be read is told on the page of each machine.
+        let of_lake = shared.trends.machines().unwrap_or_default();
+        for name in of_lake.keys() {
             machines.entry(name.clone()).or_default();
         }
-        page(view::machines_page(&machines, unread))
+        page(view::machines_page(&machines, &of_lake, unread))
     })
     .await
 }

@@ -67,7 +67,7 @@ fn change_list(changes: &[Change], adoptions: &[Adoption]) -> Markup {
     }
 }
 
-fn change(one: &Change) -> Markup {
+pub(super) fn change(one: &Change) -> Markup {
     let [before, after] = one.found.each_ref().map(|found| {
         let name = format!("{} = ", one.of.1);
         let text = displayed(&one.of, found.value, &found.unit, Some(found.ci95));

@@ -3,13 +3,16 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use effects::vocabulary;
+use graph::Stamp;
 use maud::{Markup, html};
 
 use super::effects::displayed;
-use super::machine::{still_reading, whole};
+use super::machine::{change, still_reading, whole};
+use super::months::finding;
 use super::numbers::{counted, when};
 use super::save::save;
-use crate::history::{Found, Summary};
+use crate::history::{Found, Summary, changes};
+use crate::trends::Months;
 
 /// Machines by name, each with what its recordings say in the order of time.
 type Machines = BTreeMap<String, Vec<Summary>>;
@@ -17,18 +20,41 @@ type Machines = BTreeMap<String, Vec<Summary>>;
 /// Causes that have a column: those of most machines.
 const COLUMNS: usize = 12;
 
-/// Machines that have recordings: name, number of them, the newest; and which causes were found on which.
-pub(crate) fn machines_page(machines: &Machines, unread: usize) -> Markup {
+/// Machines that have recordings, and what changed on each last: those that changed last first. Then which causes were
+/// found on which. `of_lake`: what a lake tells of machines, by name.
+pub(crate) fn machines_page(
+    machines: &Machines,
+    of_lake: &BTreeMap<String, Months>,
+    unread: usize,
+) -> Markup {
+    let mut changed: Vec<_> = (machines.iter())
+        .map(|(name, sessions)| (name, sessions, last_change(sessions, of_lake.get(name))))
+        .collect();
+    changed.sort_by_key(|(.., last)| std::cmp::Reverse(last.as_ref().map(|(at, _)| *at)));
     let body = html! {
         div.title { h1 { "Machines over time" } }
         (still_reading(unread))
         @if machines.is_empty() && unread == 0 { p.lead.empty { "No recording tells of a machine." } }
-        ul.listing { @for (name, sessions) in machines {
-            li { h2 { a href={ "/machine/" (name) } { (name) } } p { (counted(sessions.len(), "recording")) @if let Some(last) = sessions.last() { ", the newest of " (when(last.begin)) } } }
+        ul.listing { @for (name, sessions, last) in &changed {
+            li {
+                h2 { a href={ "/machine/" (name) } { (name) } }
+                p { (counted(sessions.len(), "recording")) @if let Some(last) = sessions.last() { ", the newest of " (when(last.begin)) } }
+                @if let Some((_, last)) = last { ul.faults { (last) } } @else { p.none { "No cause has changed beyond its intervals." } }
+            }
         } }
         (causes(machines))
     };
     whole("Machines over time", &body)
+}
+
+/// What changed last on a machine, and when: as the lake tells it, which has all of its sessions, or its recordings.
+fn last_change(sessions: &[Summary], of_lake: Option<&Months>) -> Option<(Stamp, Markup)> {
+    let newest = of_lake.and_then(|of| of.findings.last());
+    let newest = newest.map(|one| (one.onset()[0], finding(one)));
+    newest.or_else(|| {
+        let changes = changes(sessions);
+        changes.last().map(|one| (one.at, change(one)))
+    })
 }
 
 /// What the sessions of a machine have found of an effect.

@@ -25,7 +25,7 @@ pub(super) fn months(of: Result<&Months, &str>) -> Markup {
     }
 }
 
-fn finding(one: &Finding) -> Markup {
+pub(super) fn finding(one: &Finding) -> Markup {
     let of = one.of();
     let (size, ci95) = one.size();
     let per = if one.kind == "drift" { " a day" } else { "" };
