@@ -13,7 +13,7 @@ mod reduce;
 pub(crate) mod wording;
 
 pub use cell::{Attention, CellState, Characteristic, RunChartPoint, Section, Touch};
-pub use course::{Course, Doing, INTERVALS, LAST_PARTS, LastPart, Trend};
+pub use course::{Course, Doing, INTERVALS, LAST_PARTS, LastPart, Signal, Trend};
 pub use events::{Event, EventKind};
 pub(crate) use hall::by_name;
 pub(crate) use hall::{Differs, is_read, machine_state, split};

@@ -14,7 +14,7 @@ use probecell_msgs::{
     geometrical,
 };
 
-use super::course::{Course, Doing, LastPart, Trend};
+use super::course::{Course, Doing, LastPart, Signal, Trend};
 use super::ledger::{Entry, Ledger};
 use super::wording;
 
@@ -180,8 +180,8 @@ pub struct CellState {
     pub course: Course,
     /// Temperatures (°C) by place, feed override (%) and spindle speed (1/min).
     pub trends: BTreeMap<String, Trend>,
-    /// Signals of controllers beside the machine, with their units, by name.
-    pub signals: BTreeMap<String, (String, Trend)>,
+    /// Signals of controllers beside the machine, by name.
+    pub signals: BTreeMap<String, Signal>,
     /// What it says that it does.
     pub(super) doing: Option<Doing>,
     pub(super) ledger: Ledger,

@@ -181,6 +181,38 @@ impl Trend {
     }
 }
 
+/// A signal of a controller beside the machine.
+#[derive(Clone, Debug, Default)]
+pub struct Signal {
+    /// As the cell file names it.
+    pub unit: String,
+    /// Its readings.
+    pub trend: Trend,
+    /// The last reading, and how long after the one before it came, s.
+    heard: Option<(Stamp, f64)>,
+}
+
+impl Signal {
+    /// Takes a reading; none: it could not be read. True where it is another than before.
+    pub(super) fn read(&mut self, value: Option<f64>, at: Stamp) -> bool {
+        let since = self.heard.map_or(SILENCE_S, |(last, _)| at.since_s(last));
+        self.heard = Some((at, since.max(0.0)));
+        let is_new = self.trend.value() != value;
+        self.trend.set(value);
+        is_new
+    }
+
+    /// The last reading holds until ten more should have come.
+    pub(super) fn holds(&mut self, at: Stamp) {
+        if let Some((last, every)) = self.heard
+            && at.since_s(last) > SILENCE_S.max(10.0 * every)
+        {
+            self.trend.set(None);
+        }
+        self.trend.holds(at);
+    }
+}
+
 /// Of the last parts, those kept.
 pub const LAST_PARTS: usize = 25;
 

@@ -30,9 +30,11 @@ impl CellState {
         if let Some(doing) = self.doing {
             self.course.says(doing, at);
         }
-        let signals = self.signals.values_mut().map(|(_, trend)| trend);
-        for trend in self.trends.values_mut().chain(signals) {
+        for trend in self.trends.values_mut() {
             trend.holds(at);
+        }
+        for signal in self.signals.values_mut() {
+            signal.holds(at);
         }
     }
 

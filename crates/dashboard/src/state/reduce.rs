@@ -113,7 +113,7 @@ impl CellState {
                 None
             }
             n if n == topics::SIGNALS.name => {
-                self.signalled(&read(bytes)?);
+                self.signalled(&read(bytes)?, at);
                 None
             }
             n if n == topics::LOSS_REPORTS.name => Some(self.lost(read(bytes)?, at)),
@@ -189,7 +189,7 @@ impl CellState {
     }
 
     /// Takes readings of signals. One that cannot be read has no value until it can.
-    fn signalled(&mut self, readings: &DiagnosticArray) {
+    fn signalled(&mut self, readings: &DiagnosticArray, at: Stamp) {
         for one in &readings.status {
             let text = |key: &str| {
                 let pair = one.values.iter().find(|pair| pair.key == key);
@@ -199,14 +199,12 @@ impl CellState {
                 .then(|| text("value").parse().ok())
                 .flatten()
                 .filter(|value: &f64| value.is_finite());
-            let is_known = self.signals.contains_key(&one.name);
-            if !is_known && self.signals.len() == SIGNALS {
+            if !self.signals.contains_key(&one.name) && self.signals.len() == SIGNALS {
                 continue;
             }
-            let (unit, trend) = self.signals.entry(one.name.clone()).or_default();
-            if !is_known || trend.value() != value {
-                text("unit").clone_into(unit);
-                trend.set(value);
+            let signal = self.signals.entry(one.name.clone()).or_default();
+            if signal.read(value, at) {
+                text("unit").clone_into(&mut signal.unit);
                 self.changed(&[Section::Axes]);
             }
         }

@@ -257,9 +257,9 @@ fn shown(value: f64) -> String {
 /// Signals with their units; a temperature is among those of the machine.
 fn signals(cell: &CellState) -> impl Iterator<Item = (String, &Trend)> {
     let own = (cell.signals.iter()).filter(|(name, _)| !cell.trends.contains_key(*name));
-    own.map(|(name, (unit, of))| match unit.as_str() {
-        "" | "1" => (name.clone(), of),
-        unit => (format!("{name}, {unit}"), of),
+    own.map(|(name, of)| match of.unit.as_str() {
+        "" | "1" => (name.clone(), &of.trend),
+        unit => (format!("{name}, {unit}"), &of.trend),
     })
 }
 

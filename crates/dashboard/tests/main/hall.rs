@@ -145,9 +145,12 @@ fn signals_of_a_plc_are_drawn_over_time_and_one_that_fails_has_no_value() {
         let pressure = (second < 300).then_some(6e6 - 1e3 * f64::from(second));
         hall.apply("/mill/signals", &reading("hydraulics", pressure), at);
         hall.apply("/mill/signals", &reading("coolant", Some(21.5)), at);
+        if second < 100 {
+            hall.apply("/mill/signals", &reading("lubricant", Some(2e5)), at);
+        }
     }
     let cell = hall.cell("mill").expect("a cell");
-    let means: Vec<_> = cell.signals["hydraulics"].1.means().collect();
+    let means: Vec<_> = cell.signals["hydraulics"].trend.means().collect();
     let first = begin().after_s(0.0);
     assert!(means.len() > 20, "{means:?}");
     for (at, mean) in means {
@@ -171,6 +174,11 @@ fn signals_of_a_plc_are_drawn_over_time_and_one_that_fails_has_no_value() {
     );
     assert!(page.contains("hydraulics, Pa from 57"), "{page}");
     assert_eq!(page.matches("coolant</th>").count(), 1, "{page}");
+    // One that is not told of any more is not drawn on.
+    let lubricant = &cell.signals["lubricant"].trend;
+    assert_eq!(lubricant.value(), None);
+    let (last, _) = lubricant.means().last().expect("a mean");
+    assert!(last.since_s(first) < 120.0, "{}", last.since_s(first));
 }
 
 #[test]
