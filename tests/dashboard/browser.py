@@ -236,7 +236,7 @@ def recordings(browser, folder, recorded):
         for effect in json.loads(twin("punch_uncalibrated", "gap_report")[-1][1]["json"])["effects"]:
             for one in effect["parameters"]:
                 assert float(found["turn_mill", effect["effect"], one["name"]]) == one["value"], (found, effect)
-        assert page.locator("table.matrix tbody tr").count() == page.locator(".listing li").count()
+        assert page.locator("table.matrix tbody tr").count() == page.locator(".listing > li").count()
         print(f"machines: {len(found)} sizes of causes by machine, as their recordings have them")
         page.click(".listing a[href='/machine/turn_mill']")
         rows = page.locator("section[aria-labelledby=all-title] tbody tr").all_inner_texts()

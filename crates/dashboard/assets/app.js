@@ -133,7 +133,8 @@ let cutSince = 0;
 let seen = body.dataset.seen ?? "";
 
 /** The address of the stream that is followed. */
-let followed = body.dataset.stream;
+/** @type {string | undefined} */
+let followed;
 
 function follow() {
   const address = followed = body.dataset.stream;
@@ -198,16 +199,21 @@ let still = 0;
 
 /** Fetches an address of this page and takes its parts over. @param {string} address */
 async function take(address) {
-  if (fetched) { next = address; return; }
-  for (next = address; next;) {
-    [fetched, next] = [next, ""];
-    try {
-      const answer = await fetch(fetched);
-      if (answer.ok) show(new DOMParser().parseFromString(await answer.text(), "text/html"), fetched);
-    } catch { /* The connection is cut: said elsewhere. */ }
-    fetched = "";
-  }
+  next = address;
   clearTimeout(still);
+  if (fetched) return;
+  while (next) {
+    [fetched, next] = [next, ""];
+    const html = await fetch(fetched).then((answer) => answer.ok ? answer.text() : "", () => null);
+    const at = fetched;
+    fetched = "";
+    if (html) show(new DOMParser().parseFromString(html, "text/html"), at);
+    if (html === null) {
+      next = "";
+      setPlaying(false);
+      tell("The dashboard does not answer: what you see is old.");
+    }
+  }
   still = setTimeout(() => {
     later.forEach((card, id) => set(id, card));
     later.clear();
@@ -215,8 +221,9 @@ async function take(address) {
   }, STILL_MS);
 }
 
-/** Whether a part of the page is on the screen. @param {string} id */
+/** Whether a part of the page is on the screen; the axes move what is drawn there. @param {string} id */
 function inSight(id) {
+  if (id === "axes") return true;
   const place = document.getElementById(id)?.getBoundingClientRect();
   return !place || (place.bottom >= 0 && place.top <= innerHeight);
 }
@@ -227,10 +234,12 @@ function show(fresh, address) {
   const at = document.getElementById("at");
   if (at && (!cards.length || !document.querySelector(".cards"))) {
     localise(fresh);
+    told.clear();
+    later.clear();
     at.replaceWith(/** @type {Node} */ (fresh.getElementById("at")));
   } else for (const card of cards) {
     const html = card.outerHTML;
-    if (told.get(card.id) === html) continue;
+    if (told.get(card.id) === html && !later.has(card.id)) continue;
     told.set(card.id, html);
     later.delete(card.id);
     if (inSight(card.id)) set(card.id, card);
@@ -242,14 +251,18 @@ function show(fresh, address) {
     localise(node);
     document.getElementById(id)?.replaceWith(node);
   }
-  const steps = fresh.querySelector(".timeline .steps");
-  if (steps) document.querySelector(".timeline .steps")?.replaceWith(steps);
+  // The links stay: one of them may be under a finger.
+  const steps = document.querySelectorAll(".timeline .steps a");
+  fresh.querySelectorAll(".timeline .steps a").forEach((one, index) => steps[index]?.setAttribute("href", one.getAttribute("href") ?? ""));
   history.replaceState(null, "", address);
   const stream = fresh.body.dataset.stream;
   if (stream && stream !== body.dataset.stream) {
     body.dataset.stream = stream;
     wanted = null;
+    // Opened again when nothing is asked for any more.
     source?.close();
+    followed = undefined;
+    heard = performance.now();
   }
 }
 
@@ -289,7 +302,7 @@ choose?.addEventListener("input", () => {
 /** Recordings that the server had no time to read are asked for until none is left. */
 async function readOn() {
   if (!document.querySelector("#listed[data-unread]")) return;
-  await take(location.pathname + location.search);
+  if (!fetched) await take(location.pathname + location.search);
   setTimeout(readOn, 500);
 }
 setTimeout(readOn, 500);
@@ -301,9 +314,8 @@ addEventListener("click", (event) => {
   event.preventDefault();
   const address = /** @type {HTMLAnchorElement} */ (target).getAttribute("href") ?? "";
   const time = new URL(address, location.href).searchParams.get("t");
-  const slider = /** @type {HTMLInputElement | null} */ (document.getElementById("t"));
-  if (slider && time && target.closest(".timeline")) slider.value = time;
-  take(address.replace(/#.*/, ""));
+  if (time && target.closest(".timeline")) moveTo(Number(time));
+  else take(address.replace(/#.*/, ""));
 });
 
 addEventListener("keydown", (event) => {
@@ -321,7 +333,7 @@ let played = { at: 0, when: 0 }, playing = false;
 
 function scrub() {
   const address = new URL(location.href);
-  address.searchParams.set("t", slider?.value ?? "");
+  address.searchParams.set("t", Number(slider?.value).toFixed(2));
   take(address.pathname + address.search);
 }
 
@@ -361,9 +373,9 @@ for (const one of document.querySelectorAll(".timeline [hidden]")) one.removeAtt
 play?.addEventListener("click", () => setPlaying(!playing));
 addEventListener("keydown", (event) => {
   const from = /** @type {Element} */ (event.target);
-  if (!slider || event.ctrlKey || event.metaKey || event.altKey || from.closest("#part, button, select, summary, a, input:not(#t)")) return;
+  if (!slider || event.ctrlKey || event.metaKey || event.altKey || from.closest("#part, .scroll, select, input:not(#t)")) return;
   const step = event.shiftKey ? 10 : 1, at = Number(slider.value);
-  if (event.key === " ") setPlaying(!playing);
+  if (event.key === " " && !event.repeat && !from.closest("button, summary, a")) setPlaying(!playing);
   else if (event.key === "ArrowLeft") moveTo(at - step);
   else if (event.key === "ArrowRight") moveTo(at + step);
   else return;

@@ -17,8 +17,8 @@ pub(crate) struct Found {
     pub(crate) ci95: [f64; 2],
     /// SI unit.
     pub(crate) unit: String,
-    /// Effects that the session cannot distinguish from it, itself included.
-    pub(crate) group: usize,
+    /// Effects that the session cannot distinguish, itself included.
+    pub(crate) group: Vec<String>,
 }
 
 /// A size of one part.
@@ -104,7 +104,7 @@ impl Summary {
                     value: one.value,
                     ci95: one.ci95,
                     unit: one.unit.clone(),
-                    group: effect.group.len().max(1),
+                    group: effect.group.clone(),
                 };
                 ((effect.effect.clone(), one.name.clone()), found)
             })
@@ -290,7 +290,7 @@ mod tests {
             value,
             ci95: [value - half, value + half],
             unit: "m".to_owned(),
-            group: 1,
+            group: Vec::new(),
         };
         Summary {
             begin: Stamp(day * 86_400_000_000_000),

@@ -246,10 +246,11 @@ fn told_by(bag: &Bag, listed: &Listed) -> Told {
 /// The state at the end of a recording.
 fn at_end(bag: &Bag) -> Hall {
     let topics = wanted(bag);
-    // Positions of axes are most of the messages, and say nothing of its parts.
+    // Positions of axes and signals are most of the messages, and say nothing of its parts.
+    let left_out = [topics::JOINT_STATES.name, topics::SIGNALS.name];
     let topics = topics
         .iter()
-        .filter(|one| !one.ends_with(topics::JOINT_STATES.name));
+        .filter(|one| !left_out.iter().any(|name| one.ends_with(name)));
     let topics: Vec<&str> = topics.map(String::as_str).collect();
     let mut hall = Hall::default();
     for message in bag.messages_on(&topics).flatten() {

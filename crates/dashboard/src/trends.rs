@@ -157,7 +157,7 @@ fn by_machine(kept: Kept) -> Machines {
                 value,
                 ci95: interval(value, uncertainty),
                 unit: series.unit.clone(),
-                group: 1,
+                group: Vec::new(),
             };
             let of = (series.effect.clone(), series.parameter.clone());
             day.effects.insert(of, found);

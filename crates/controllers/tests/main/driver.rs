@@ -389,6 +389,21 @@ fn an_emergency_stop_fails_the_program_and_shows_in_the_status() {
 }
 
 #[test]
+fn an_emergency_stop_is_told_by_its_name_where_the_text_of_an_error_comes_first() {
+    let mut cell = Cell::new("estop_late");
+    cell.measure();
+    lock(&cell.shell.desk)
+        .errors
+        .push("Queue is not empty after probing".to_owned());
+    cell.shell.set("program_status", "IDLE");
+    cell.until(|cell, _| lock(&cell.shell.desk).errors.is_empty());
+    cell.shell.set("estop", "ON");
+    cell.shell.set("machine", "OFF");
+    let (_, reply, _) = cell.reply();
+    assert!(reply.text.starts_with("estop: "), "{}", reply.text);
+}
+
+#[test]
 fn a_controller_that_goes_in_mid_program_is_named_and_ends_the_session() {
     let mut cell = Cell::new("gone");
     cell.measure();

@@ -109,7 +109,14 @@ pub(crate) fn by_name(name: &str) -> (Vec<(String, u64)>, String) {
         let (text, tail) = rest.split_at(number);
         let end = tail.find(|one| !is_number(&one)).unwrap_or(tail.len());
         let (digits, tail) = tail.split_at(end);
-        key.push((text.to_owned(), digits.parse().unwrap_or(u64::MAX)));
+        key.push((
+            text.to_owned(),
+            if digits.is_empty() {
+                0
+            } else {
+                digits.parse().unwrap_or(u64::MAX)
+            },
+        ));
         rest = tail;
     }
     (key, name.to_owned())
@@ -361,6 +368,23 @@ mod tests {
     use probecell_msgs::{std_msgs, to_cdr};
 
     use super::*;
+
+    #[test]
+    fn names_are_sorted_by_the_numbers_in_them() {
+        let sorted = [
+            "9",
+            "lathe_1/b",
+            "mill",
+            "mill9",
+            "mill10",
+            "mill10a",
+            "mill_2",
+        ];
+        let mut names = sorted;
+        names.reverse();
+        names.sort_by_cached_key(|one| by_name(one));
+        assert_eq!(names, sorted);
+    }
 
     fn says(hall: &mut Hall, version: &str) {
         let data = format!("# public key of the cell: 00\n{version}[cell]\n");

@@ -34,6 +34,8 @@ const REFERENCES: usize = 256;
 /// Places with a temperature whose trend is kept, and signals of controllers beside the machine.
 const PLACES: usize = 16;
 const SIGNALS: usize = 32;
+/// Letters of the name and the unit of a signal.
+const SIGNAL_LETTERS: usize = 64;
 /// Names of the trends of what is set on the machine; units as shown.
 const OVERRIDE: &str = "Feed override, %";
 const SPINDLE: &str = "Spindle, 1/min";
@@ -199,12 +201,19 @@ impl CellState {
                 .then(|| text("value").parse().ok())
                 .flatten()
                 .filter(|value: &f64| value.is_finite());
-            if !self.signals.contains_key(&one.name) && self.signals.len() == SIGNALS {
-                continue;
+            let short = |text: &str| -> String { text.chars().take(SIGNAL_LETTERS).collect() };
+            let name = short(&one.name);
+            if !self.signals.contains_key(&name) && self.signals.len() == SIGNALS {
+                // In place of one that is not told of any more.
+                self.signals
+                    .retain(|_, known| known.trend.value().is_some());
+                if self.signals.len() == SIGNALS {
+                    continue;
+                }
             }
-            let signal = self.signals.entry(one.name.clone()).or_default();
+            let signal = self.signals.entry(name).or_default();
             if signal.read(value, at) {
-                text("unit").clone_into(&mut signal.unit);
+                signal.unit = short(text("unit"));
                 self.changed(&[Section::Axes]);
             }
         }

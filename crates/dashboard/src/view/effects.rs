@@ -69,7 +69,7 @@ pub(super) fn effects_of(charted: &Charted<'_>) -> Markup {
             (chart(of, charted, found))
             (save(&of.0, &["begin/UTC", "parameter", "value", "unit", "low", "high"], found.iter().map(|(session, one)| saved(of, session, one))))
             details open[found.len() <= UNFOLDED] { summary { "Sizes in " (found.len()) " " (charted.each) } table { thead { tr { th scope="col" { "Begin" } th scope="col" { "Size with 95 % interval" } } } tbody { @for (session, one) in found {
-                tr { th scope="row" { (when(session.begin)) } td { (displayed(of, one.value, &one.unit, Some(one.ci95))) @if one.group > 1 { small { "one of " (one.group) " causes" } } } }
+                tr { th scope="row" { (when(session.begin)) } td { (displayed(of, one.value, &one.unit, Some(one.ci95))) @if one.group.len() > 1 { small { "one of " (one.group.len()) " causes" } } } }
             } } } }
         } } }
     }

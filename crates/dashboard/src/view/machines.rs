@@ -47,14 +47,16 @@ pub(crate) fn machines_page(
     whole("Machines over time", &body)
 }
 
-/// What changed last on a machine, and when: as the lake tells it, which has all of its sessions, or its recordings.
+/// What changed last on a machine, and when: as a lake of its sessions tells it, or its recordings.
 fn last_change(sessions: &[Summary], of_lake: Option<&Months>) -> Option<(Stamp, Markup)> {
     let newest = of_lake.and_then(|of| of.findings.last());
     let newest = newest.map(|one| (one.onset()[0], finding(one)));
-    newest.or_else(|| {
-        let changes = changes(sessions);
-        changes.last().map(|one| (one.at, change(one)))
-    })
+    let changes = changes(sessions);
+    let recorded = changes.last().map(|one| (one.at, change(one)));
+    [newest, recorded]
+        .into_iter()
+        .flatten()
+        .max_by_key(|(at, _)| *at)
 }
 
 /// What the sessions of a machine have found of an effect.
@@ -70,8 +72,11 @@ struct Share<'a> {
 impl<'a> Share<'a> {
     fn of(effect: &str, sessions: &'a [Summary]) -> Option<Self> {
         let found = |one: &'a Summary| -> Vec<(&'a (String, String), &'a Found)> {
+            let is_of = |of: &(String, String), one: &Found| {
+                of.0 == effect || one.group.iter().any(|other| other == effect)
+            };
             let all = one.effects.iter();
-            all.filter(|(of, _)| of.0 == effect).collect()
+            all.filter(|(of, one)| is_of(of, one)).collect()
         };
         let judged: Vec<_> = (sessions.iter())
             .filter(|one| one.ratio.is_some())
@@ -88,31 +93,36 @@ impl<'a> Share<'a> {
         })
     }
 
-    fn sizes(&self) -> String {
+    /// Its size; of one that is only in the group of another, that it is possible.
+    fn sizes(&self, effect: &str) -> String {
         // What was not estimated, as the place of a bow on its axis, says nothing of its size.
-        let each = self
-            .newest
-            .iter()
-            .filter(|(_, one)| one.ci95[0] < one.ci95[1]);
-        let each = each.map(|(of, one)| displayed(of, one.value, &one.unit, Some(one.ci95)));
-        each.collect::<Vec<_>>().join(" · ")
+        let own = (self.newest.iter())
+            .filter(|(of, one)| of.0 == effect && one.ci95[0] < one.ci95[1])
+            .map(|(of, one)| displayed(of, one.value, &one.unit, Some(one.ci95)));
+        let own: Vec<String> = own.collect();
+        if own.is_empty() {
+            return "possible".to_owned();
+        }
+        own.join(" · ")
     }
 
     /// Causes that the newest session cannot distinguish.
     fn group(&self) -> usize {
         self.newest
             .iter()
-            .map(|(_, one)| one.group)
+            .map(|(_, one)| one.group.len())
             .max()
             .unwrap_or(1)
+            .max(1)
     }
 }
 
 /// Machines by causes: who shares a fault.
 fn causes(machines: &Machines) -> Markup {
-    let all: BTreeSet<&str> = (machines.values().flatten())
-        .flat_map(|one| one.effects.keys())
-        .map(|of| of.0.as_str())
+    let effects = || (machines.values().flatten()).flat_map(|one| &one.effects);
+    let all: BTreeSet<&str> = (effects().map(|(of, _)| &of.0))
+        .chain(effects().flat_map(|(_, one)| &one.group))
+        .map(String::as_str)
         .collect();
     let mut columns: Vec<(&str, Vec<Option<Share<'_>>>)> = (all.into_iter())
         .map(|effect| {
@@ -125,7 +135,8 @@ fn causes(machines: &Machines) -> Markup {
         let shares = column.iter().flatten();
         shares.filter(|one| one.group() == 1).count()
     };
-    columns.sort_by_key(|(_, column)| std::cmp::Reverse(count(column)));
+    // Those that are sure on some machine, then those of most machines.
+    columns.sort_by_key(|(_, column)| std::cmp::Reverse((alone(column), count(column))));
     let rare = columns.len().saturating_sub(COLUMNS);
     columns.truncate(COLUMNS);
     html! {
@@ -137,7 +148,7 @@ fn causes(machines: &Machines) -> Markup {
                     thead { tr { th scope="col" { "Machine" } @for (effect, column) in &columns { th scope="col" { (vocabulary::describe(effect)) br; small { (counted(count(column), "machine")) ", sure on " (alone(column)) } } } } }
                     tbody { @for (row, name) in machines.keys().enumerate() { tr {
                         th scope="row" { a href={ "/machine/" (name) } { (name) } }
-                        @for (_, column) in &columns { td { @if let Some(one) = &column[row] { (cell(one)) } @else { span aria-label="not found" { "–" } } } }
+                        @for (effect, column) in &columns { td { @if let Some(one) = &column[row] { (cell(effect, one)) } @else { span aria-label="not found" { "–" } } } }
                     } } }
                 } }
                 (save("causes", &["machine", "effect", "parameter", "value", "unit", "low", "high", "found in sessions", "of sessions"], rows(machines, &columns)))
@@ -146,10 +157,10 @@ fn causes(machines: &Machines) -> Markup {
     }
 }
 
-fn cell(one: &Share<'_>) -> Markup {
+fn cell(effect: &str, one: &Share<'_>) -> Markup {
     let (found, of) = one.sessions;
     html! {
-        @if one.is_present && one.group() == 1 { b { (one.sizes()) } } @else { (one.sizes()) }
+        @if one.is_present && one.group() == 1 { b { (one.sizes(effect)) } } @else { (one.sizes(effect)) }
         small { (found) " of " (counted(of, "session")) @if one.group() > 1 { ", one of " (one.group()) " causes" } }
     }
 }
@@ -161,7 +172,8 @@ fn rows<'a>(
     columns.iter().flat_map(|(effect, column)| {
         machines.keys().zip(column).flat_map(|(name, share)| {
             share.iter().flat_map(|share| {
-                share.newest.iter().map(|(of, one)| {
+                let own = share.newest.iter().filter(|(of, _)| of.0 == *effect);
+                own.map(|(of, one)| {
                     let numbers = [one.ci95[0], one.ci95[1]].map(|end| end.to_string());
                     let [low, high] = numbers;
                     let (found, all) = share.sessions;

@@ -248,10 +248,17 @@ fn values<'a>(head: &str, of: impl Iterator<Item = (String, &'a Trend)>) -> Mark
     }
 }
 
-/// A value of any unit: two decimals, or six digits.
+/// A value of any unit to four digits.
 fn shown(value: f64) -> String {
-    let digits = if value.abs() < 1e4 { 2 } else { 0 };
-    format!("{value:.digits$}").replace('-', "−")
+    let text = match value.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-3..1e7).contains(&size) => {
+            let digits = (3.0 - size.log10().floor()).max(0.0) as usize;
+            format!("{value:.digits$}")
+        }
+        _ => format!("{value:.3e}"),
+    };
+    text.replace('-', "−")
 }
 
 /// Signals with their units; a temperature is among those of the machine.
@@ -284,7 +291,7 @@ fn course(name: &str, of: &Trend) -> Markup {
     let (span_s, room) = (last.0.since_s(first.0).max(1e-9), ends.1 - ends.0);
     // What does not change runs through the middle.
     let share = |value: f64| {
-        if room > 1e-6 * ends.1.abs().max(1.0) {
+        if room > 1e-6 * ends.0.abs().max(ends.1.abs()) {
             (value - ends.0) / room
         } else {
             0.5

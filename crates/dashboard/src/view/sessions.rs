@@ -65,7 +65,7 @@ pub fn session_page(session: &SessionView<'_>) -> Markup {
         form.timeline #timeline action={ "/session/" (name) } method="get" {
             label for="t" { "Instant" } " "
             output #instant for="t" { b { (format!("{at:.1} s")) } " of " (format!("{length:.1} s")) ", " (moment(session.at)) }
-            input #t name="t" type="range" min="0" max=(format!("{length:.2}")) step="0.05" value=(format!("{at:.2}"));
+            input #t name="t" type="range" min="0" max=(format!("{length:.2}")) step="any" value=(format!("{at:.2}"));
             (marks(session.marks, length))
             div.controls {
                 div.playing hidden {
