@@ -26,6 +26,8 @@ import kit
 from kit import until
 from kit.recordings import messages
 
+# Puts the slider of a session at an instant, as a hand does.
+SLID = "(t) => { const slider = document.getElementById('t'); slider.value = t; slider.dispatchEvent(new Event('input', { bubbles: true })); }"
 # What the tile of a cell has said, in order: a word that has come and gone before this process looked is among it.
 SAID = """(tile) => { window.said = []; new MutationObserver(() => {
     const now = document.querySelector(tile)?.innerText ?? '';
@@ -205,12 +207,12 @@ def recordings(browser, folder, recorded):
         page.goto(f"http://{ADDRESS}/session/punch.mcap?t=0")
         page.evaluate("window.sameDocument = true")
         for wanted in (9.0, 12.0, 7.0):
-            page.evaluate("(t) => { const slider = document.getElementById('t'); slider.value = t; slider.dispatchEvent(new Event('input', { bubbles: true })); }", wanted)
+            page.evaluate(SLID, wanted)
             told = sum(at <= wanted for at in touches)
             wait(page, "(count) => document.querySelectorAll('#part g.touch').length === count", told)
             assert f"{wanted:.1f} s" in page.inner_text("#instant")
         page.evaluate("document.activeElement.blur()")
-        page.evaluate("(t) => { const slider = document.getElementById('t'); slider.value = t; slider.dispatchEvent(new Event('input', { bubbles: true })); }", 8.0)
+        page.evaluate(SLID, 8.0)
         for key, instant in (("ArrowRight", 9.0), ("Shift+ArrowRight", 19.0), ("ArrowLeft", 18.0)):
             page.keyboard.press(key)
             wait(page, "(instant) => document.getElementById('instant').innerText.startsWith(instant)", f"{instant:.1f} s")
@@ -218,6 +220,9 @@ def recordings(browser, folder, recorded):
         page.evaluate("document.activeElement.blur()")
         page.keyboard.press(" ")
         wait(page, "document.getElementById('play').innerText === 'Pause'")
+        page.click(".timeline .steps a:has-text('Begin')")
+        wait(page, "Number(document.getElementById('t').value) < 15 && document.getElementById('play').innerText === 'Pause'")
+        page.evaluate("document.activeElement.blur()")
         wait(page, "document.getElementById('play').innerText === 'Play' && Number(document.getElementById('t').value) === Number(document.getElementById('t').max)")
         wait(page, "(count) => document.querySelectorAll('#part g.touch').length === count", len({one["point_index"] for _, one in twin("punch", "touch_deviations") if one["plan_id"] == twin("punch", "inspection_plan")[-1][1]["plan_id"]}))
         print("session: moved by keys, played to its end")

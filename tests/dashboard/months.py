@@ -161,7 +161,7 @@ def main(folder):
         browser.audit("/machine/turn_mill", "machine")
         with browser.page() as page:
             page.goto(f"http://{ADDRESS}/machine/turn_mill")
-            (told,) = [row for row in page.locator("section[aria-labelledby=changes-title] li.unsure").all_inner_texts()]
+            (told,) = page.locator("section[aria-labelledby=changes-title] li.unsure").all_inner_texts()
             page.goto(f"http://{ADDRESS}/machines")
             assert page.locator(".listing li.unsure").all_inner_texts() == [told], told
         print("machines: the change of the machine, as its own page tells it")

@@ -7,8 +7,8 @@ Each stranger stays some seconds and comes again as another: a Zenoh session tha
 the hall or the cell, a Foxglove viewer, a connection that says nothing, half a request. Every minute each process of the cell is read in /proc. It
 fails where the median of the last quarter of the run is above that of the second quarter by more than a megabyte and 3 %, or holds more files.
 
-The router (in `up`) may keep 8 KB of each Zenoh session besides: Zenoh 1.10.2 keeps the face of a session that has ended for as long as another
-session subscribes to the key that it was sent samples of. The index of an open file grows with the file: the recorder begins one every five minutes.
+The router (in `up`) may keep 6 KB of each Zenoh session besides: Zenoh 1.10.2 keeps the face of a session that has ended for as long as another
+session subscribes to the key that it was sent samples of.
 """
 
 import base64
@@ -32,7 +32,7 @@ STRANGERS = 50
 STAY = (2.0, 20.0)  # s
 ROUTER = ("127.0.0.1", 7447)
 MOST = (1 << 20, 0.03)  # bytes, and share, by which a process may have grown
-KEPT = 8_000  # bytes that Zenoh's router may keep of a session
+KEPT = 6_000  # bytes that Zenoh's router may keep of a session
 
 
 def zenoh_session(stay, _page):
@@ -126,8 +126,7 @@ def read(process):
 def check(folder, minutes):
     name = "turn_mill.toml"
     for one in (name, "turn_mill.urdf"):
-        text = (ROOT / "launch-scripts" / one).read_text()
-        (folder / one).write_text(text.replace("[recorder]\n", "[recorder]\nsplit_duration_s = 300\n"))
+        (folder / one).write_text((ROOT / "launch-scripts" / one).read_text())
     visits, seen = collections.Counter(), collections.defaultdict(list)
     with kit.Process(BINARY, "up", name, folder=folder, apart=True) as up:
         up.says("is ready")

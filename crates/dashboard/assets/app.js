@@ -132,12 +132,8 @@ let heard = performance.now();
 let cutSince = 0;
 let seen = body.dataset.seen ?? "";
 
-/** The address of the stream that is followed. */
-/** @type {string | undefined} */
-let followed;
-
 function follow() {
-  const address = followed = body.dataset.stream;
+  const address = body.dataset.stream;
   if (!address) return;
   source?.close();
   source = new EventSource(address + (address.includes("?") ? "&" : "?") + "since=" + encodeURIComponent(seen));
@@ -217,7 +213,7 @@ async function take(address) {
   still = setTimeout(() => {
     later.forEach((card, id) => set(id, card));
     later.clear();
-    if (body.dataset.stream !== followed) follow();
+    if (source?.readyState === EventSource.CLOSED) follow();
   }, STILL_MS);
 }
 
@@ -261,7 +257,6 @@ function show(fresh, address) {
     wanted = null;
     // Opened again when nothing is asked for any more.
     source?.close();
-    followed = undefined;
     heard = performance.now();
   }
 }

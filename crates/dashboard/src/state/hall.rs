@@ -105,18 +105,15 @@ pub(crate) fn by_name(name: &str) -> (Vec<(String, u64)>, String) {
     let mut key = Vec::new();
     let mut rest = name;
     while !rest.is_empty() {
-        let number = rest.find(|one| is_number(&one)).unwrap_or(rest.len());
-        let (text, tail) = rest.split_at(number);
+        let begin = rest.find(|one| is_number(&one)).unwrap_or(rest.len());
+        let (text, tail) = rest.split_at(begin);
         let end = tail.find(|one| !is_number(&one)).unwrap_or(tail.len());
         let (digits, tail) = tail.split_at(end);
-        key.push((
-            text.to_owned(),
-            if digits.is_empty() {
-                0
-            } else {
-                digits.parse().unwrap_or(u64::MAX)
-            },
-        ));
+        let number = match digits {
+            "" => 0,
+            digits => digits.parse().unwrap_or(u64::MAX),
+        };
+        key.push((text.to_owned(), number));
         rest = tail;
     }
     (key, name.to_owned())

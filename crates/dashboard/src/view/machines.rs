@@ -174,8 +174,7 @@ fn rows<'a>(
             share.iter().flat_map(|share| {
                 let own = share.newest.iter().filter(|(of, _)| of.0 == *effect);
                 own.map(|(of, one)| {
-                    let numbers = [one.ci95[0], one.ci95[1]].map(|end| end.to_string());
-                    let [low, high] = numbers;
+                    let [low, high] = one.ci95.map(|end| end.to_string());
                     let (found, all) = share.sessions;
                     vec![
                         name.clone(),

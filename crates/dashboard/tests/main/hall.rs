@@ -151,13 +151,12 @@ fn signals_of_a_plc_are_drawn_over_time_and_one_that_fails_has_no_value() {
     }
     let cell = hall.cell("mill").expect("a cell");
     let means: Vec<_> = cell.signals["hydraulics"].trend.means().collect();
-    let first = begin().after_s(0.0);
     assert!(means.len() > 20, "{means:?}");
     for (at, mean) in means {
         // It falls by 1 kPa each second, and holds its last value for one more.
-        let expected = 6e6 - 1e3 * (at.since_s(first) - 0.5);
+        let expected = 6e6 - 1e3 * (at.since_s(begin()) - 0.5);
         assert!((mean - expected).abs() < 2e3, "{mean} {expected}");
-        assert!(at.since_s(first) < 300.0);
+        assert!(at.since_s(begin()) < 300.0);
     }
     let page = section(
         Section::Axes,
@@ -178,7 +177,7 @@ fn signals_of_a_plc_are_drawn_over_time_and_one_that_fails_has_no_value() {
     let lubricant = &cell.signals["lubricant"].trend;
     assert_eq!(lubricant.value(), None);
     let (last, _) = lubricant.means().last().expect("a mean");
-    assert!(last.since_s(first) < 120.0, "{}", last.since_s(first));
+    assert!(last.since_s(begin()) < 120.0, "{}", last.since_s(begin()));
 }
 
 #[test]
